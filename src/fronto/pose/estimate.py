@@ -1,0 +1,257 @@
+"""`estimate_pose`: outlines and a camera in, the panel's rotation and its trust out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from fronto.camera import Camera
+from fronto.errors import InputError
+from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Solution
+from fronto.pose.checks import check_outlines
+from fronto.pose.criteria import cos_norm
+from fronto.pose.observations import observations, undistorted
+from fronto.pose.refine import Adjustment, adjust
+from fronto.pose.template import Template, match_template
+from fronto.pose.verdict import FOCAL_OBSERVABLE, Verdict, covariance, judge, weights
+from fronto.results import PanelPose
+from fronto.shapes import FloatArray, LineSegment, Outline
+
+if TYPE_CHECKING:
+    from fronto.pose.grid import GridResult
+
+__all__ = ["estimate_pose"]
+
+_SIGNS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+
+def estimate_pose(
+    outlines: Sequence[Outline],
+    camera: Camera,
+    *,
+    solver: Literal["refine", "grid"] = "refine",
+    lines: Sequence[LineSegment] = (),
+    square: bool = False,
+    aligned: bool = True,
+    template: Template | None = None,
+    **grid: Any,
+) -> PanelPose:
+    """Estimate the rotation between camera and panel from outlines of its buttons.
+
+    Parameters
+    ----------
+    outlines
+        In the photo as it is (lens distortion and all).
+    camera
+        Its `focal_std` decides whether the focal length is estimated along: 0 = known.
+    solver
+        "refine": robust bundle adjustment, with deviations (default). "grid": the
+        paper's exhaustive search over rotations (Section IV), quads only.
+    lines
+        Segments known to be horizontal or vertical on the wall (refine only).
+    square
+        The quads are known to be square; a strong help on small panels (refine only).
+    aligned
+        Buttons line up in rows and columns (refine only).
+    template
+        The panel's layout in millimetres where it is known (refine only).
+    grid
+        For ``solver="grid"``: `range_deg`, `step_deg`, `criterion`, `combine`,
+        `translation`, `standard_corners`; see `fronto.pose.grid.search_grid`.
+
+    Returns
+    -------
+    The pose; its `status` says whether to trust it. Without outlines: "no_buttons".
+
+    Raises
+    ------
+    InputError
+        If outlines contradict each other (one button twice, corner orders that differ),
+        the template does not match, or an argument is not one of the solver's.
+
+    Examples
+    --------
+    >>> import fronto
+    >>> camera = fronto.Camera.from_fov(90, 640, 480)
+    >>> pose = fronto.estimate_pose([], camera)
+    >>> pose.status
+    'no_buttons'
+    """
+    check_outlines(outlines)
+    if not outlines:
+        return _without(camera, solver, "no_buttons", "no button outlines were given", 0)
+    flat = undistorted(outlines, camera)
+    if solver == "grid":
+        return _grid_pose(flat, camera, grid)
+    if solver != "refine":
+        raise InputError("solver", f'expected "refine" or "grid", got {solver!r}')
+    if grid:
+        raise InputError("estimate_pose", f'{", ".join(sorted(grid))} belong to solver="grid" only')
+    seen = observations(flat, camera, lines)
+    matched = None if template is None else match_template(template, outlines)
+    adjustment = adjust(
+        seen,
+        square=square,
+        aligned=aligned,
+        focal_isd=1 / camera.focal_std if camera.focal_std > 0 else -1.0,
+        template=matched,
+    )
+    if not adjustment.solutions:
+        reason = "no rotation puts all outlines in front of the camera"
+        return _without(camera, solver, "degenerate", reason, len(outlines))
+    return _refined_pose(flat, camera, adjustment)
+
+
+def _without(camera: Camera, solver: str, status: Any, reason: str, n: int) -> PanelPose:
+    return PanelPose(
+        status=status,
+        reasons=(reason,),
+        solver=solver,
+        rotation=np.eye(3),
+        covariance=np.full((3, 3), np.nan),
+        camera=camera,
+        plane_corners=np.zeros((0, 4, 2)),
+        residual_px=np.full(n, np.nan),
+        weight=np.zeros(n),
+    )
+
+
+def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) -> PanelPose:
+    best = found.solutions[0]
+    std = np.array([outline.std_px for outline in flat]) * found.sigma_factor
+    sigma_px = float(np.median(std))
+    boxes = np.array([outline.box_px for outline in flat])
+    size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
+    cov = covariance(best)
+    verdict = judge(found, cov[:3, :3], size_px, sigma_px)
+    pose = _pose(best, camera, found, verdict, std, cov)
+    others = [
+        _pose(found.solutions[k], camera, found, verdict, std, covariance(found.solutions[k]))
+        for k in verdict.rivals
+    ]
+    if found.quarter_turned is not None:
+        turn = found.quarter_turned @ best.rotation.T
+        corners = np.roll(pose.plane_corners @ turn[:2, :2].T, _quarter(turn), axis=1)
+        others.append(replace(pose, rotation=found.quarter_turned, plane_corners=corners))
+    return replace(pose, alternatives=tuple(others))
+
+
+def _quarter(turn: FloatArray) -> int:
+    """How many places the corners move on when the panel's axes turn by this quarter."""
+    return 1 if turn[0, 1] < 0 else -1
+
+
+def _pose(
+    solution: Solution,
+    camera: Camera,
+    found: Adjustment,
+    verdict: Verdict,
+    std: FloatArray,
+    cov: FloatArray,
+) -> PanelPose:
+    model, seen = found.model, found.seen
+    groups = len(model.square_isd)
+    sizes = np.exp(solution.parameters[FIRST_GROUP : FIRST_GROUP + 2 * groups]).reshape(-1, 2)
+    sizes = sizes[model.group]
+    quads = seen.kind == QUAD
+    sizes[~quads, 1] = sizes[~quads, 0]
+    corners = solution.xy[:, None] + sizes[:, None] * _SIGNS
+    # Eight tangents carry twice the outline's deviation each (see observations).
+    residual = std * np.sqrt(np.where(quads, solution.chi2 / 4, solution.chi2 / 2))
+    focal_std, notes, aspect = 0.0, [], _aspect_std(solution, found)
+    if camera.focal_std > 0:
+        focal_std = float(np.sqrt(cov[FOCAL, FOCAL]))
+        if not np.isfinite(focal_std):
+            focal_std = camera.focal_std
+        focal_px = camera.focal_px * float(np.exp(solution.parameters[FOCAL]))
+        camera = camera.with_focal(focal_px, focal_std)
+        if not focal_std <= FOCAL_OBSERVABLE:
+            notes.append(
+                f"focal length not observable from this panel, assumed {focal_px:.0f} px"
+                + ("" if aspect is None else f": the aspect may be off by {100 * aspect:.0f} %")
+            )
+    depth = None
+    if model.scale_latent >= 0:
+        scale = solution.parameters[FIRST_GROUP + 2 * groups + model.scale_latent]
+        depth = 1e-3 / float(scale)
+    return PanelPose(
+        status=verdict.status,
+        reasons=verdict.reasons,
+        solver="refine",
+        rotation=solution.rotation,
+        covariance=cov[:3, :3],
+        camera=camera,
+        plane_corners=corners,
+        residual_px=residual,
+        weight=weights(found, solution),
+        sigma_px=float(np.median(std)),
+        cos_norm=_cos_norm(seen.observed[quads, :8], solution),
+        focal_std=focal_std,
+        aspect_std=aspect,
+        plane_depth_m=depth,
+        notes=tuple(notes),
+        cost=solution.cost,
+        stopped=(
+            f"{'converged' if solution.converged else 'stopped'} after {solution.iterations} "
+            f"steps, cost {solution.first_cost:.4g} to {solution.cost:.4g}"
+        ),
+    )
+
+
+def _cos_norm(corners: FloatArray, solution: Solution) -> float | None:
+    if not len(corners):
+        return None
+    scaled = corners.reshape(-1, 2) / np.exp(solution.parameters[FOCAL])
+    plane = scaled @ solution.rotation[:, :2].T + solution.rotation[:, 2]
+    return float(cos_norm((plane[:, :2] / plane[:, 2:]).reshape(-1, 4, 2)))
+
+
+def _aspect_std(solution: Solution, found: Adjustment) -> float | None:
+    """Deviation of ln(width/height) of the largest group of quads, None without quads."""
+    groups = found.model.group[found.seen.kind == QUAD]
+    if not len(groups):
+        return None
+    at = FIRST_GROUP + 2 * int(np.bincount(groups).argmax())
+    contrast = np.zeros(len(solution.hessian))
+    contrast[at], contrast[at + 1] = 1.0, -1.0
+    try:
+        variance = float(contrast @ np.linalg.solve(solution.hessian, contrast))
+    except np.linalg.LinAlgError:
+        return None
+    return float(np.sqrt(variance)) if variance > 0 else None
+
+
+def _grid_pose(flat: Sequence[Outline], camera: Camera, options: dict[str, Any]) -> PanelPose:
+    from fronto.pose.grid import search_grid
+
+    corners = np.array([o.corners_px for o in flat if o.corners_px is not None])
+    if not len(corners):
+        reason = "round buttons have no slopes: the grid search needs at least one quad"
+        return _without(camera, "grid", "degenerate", reason, len(flat))
+    try:
+        result: GridResult = search_grid(corners, camera.matrix, **options)
+    except TypeError as error:
+        raise InputError('solver="grid"', str(error)) from None
+    rays = np.linalg.solve(
+        camera.matrix, np.concatenate([corners.reshape(-1, 2).T, np.ones((1, corners.size // 2))])
+    )
+    plane = result.rotation @ rays
+    plane_corners = (plane[:2] / plane[2]).T.reshape(-1, 4, 2)
+    return PanelPose(
+        status="uncertain",
+        reasons=("the grid search knows no uncertainty",),
+        solver="grid",
+        rotation=result.rotation,
+        covariance=np.full((3, 3), np.nan),
+        camera=camera,
+        plane_corners=plane_corners,
+        residual_px=np.full(len(flat), np.nan),
+        weight=np.array([1.0 if o.shape == "quad" else 0.0 for o in flat]),
+        cos_norm=result.cos_norm,
+        final_cr=result.final_cr,
+        focal_std=camera.focal_std,
+        stopped=f"{result.evaluated} rotations evaluated",
+    )

@@ -1,0 +1,107 @@
+"""From outlines in the photo to whitened observations in normalised coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fronto.camera import Camera
+from fronto.pose.bundle import ELLIPSE, QUAD, TANGENTS, Observations
+from fronto.shapes import FloatArray, LineSegment, Outline
+
+__all__ = ["observations", "undistorted"]
+
+_ANOMALY = 2 * np.pi * np.arange(TANGENTS) / TANGENTS
+_CIRCLE = np.stack([np.cos(_ANOMALY), np.sin(_ANOMALY)], axis=1)
+
+
+def undistorted(outlines: Sequence[Outline], camera: Camera) -> tuple[Outline, ...]:
+    """The outlines as a camera without lens distortion would have seen them.
+
+    Raises
+    ------
+    InputError
+        If an outline lies where the camera's lens model does not hold.
+    """
+    if not camera.distorted:
+        return tuple(outlines)
+    result = []
+    for outline in outlines:
+        if outline.ellipse_px is not None:
+            ellipse = camera.undistort_ellipse(outline.ellipse_px)
+            result.append(replace(outline, ellipse_px=ellipse))
+        else:
+            assert outline.corners_px is not None
+            corners = camera.undistort_points(outline.corners_px)
+            result.append(replace(outline, corners_px=corners))
+    return tuple(result)
+
+
+def observations(
+    outlines: Sequence[Outline], camera: Camera, lines: Sequence[LineSegment] = ()
+) -> Observations:
+    """Normalise and whiten what was seen.
+
+    Parameters
+    ----------
+    outlines
+        Free of lens distortion (see `undistorted`).
+    lines
+        Axis-parallel segments in the photo; their lens distortion is removed here.
+    """
+    n = len(outlines)
+    inverse = np.linalg.inv(camera.matrix)
+    affine, shift = inverse[:2, :2], inverse[:2, 2]
+    focal = camera.focal_px
+    kind = np.array([QUAD if o.shape == "quad" else ELLIPSE for o in outlines], dtype=np.intc)
+    observed = np.zeros((n, 3 * TANGENTS))
+    std = np.array([o.std_px for o in outlines])
+    inverse_sd = np.zeros((n, TANGENTS))
+
+    quads = np.flatnonzero(kind == QUAD)
+    if len(quads):
+        corners = np.array([outlines[int(i)].corners_px for i in quads])
+        observed[quads, :8] = (corners @ affine.T + shift).reshape(-1, 8)
+        inverse_sd[quads, :4] = (focal / std[quads])[:, None]
+
+    ellipses = np.flatnonzero(kind == ELLIPSE)
+    if len(ellipses):
+        shapes, centers = [], []
+        for i in ellipses:
+            ellipse = outlines[int(i)].ellipse_px
+            assert ellipse is not None
+            shapes.append(affine @ ellipse.shape_matrix @ affine.T)
+            centers.append(affine @ ellipse.center + shift)
+        observed[ellipses] = _tangents(np.array(centers), np.array(shapes))
+        # Eight tangents of σ' each fix the centre to σ'√(2/8): whitened so that the
+        # centre comes out with the outline's deviation.
+        inverse_sd[ellipses] = (focal / (std[ellipses] * np.sqrt(TANGENTS / 2)))[:, None]
+
+    if not lines:
+        return Observations(kind, observed, inverse_sd)
+    ends = np.array([line.ends_px for line in lines]).reshape(-1, 2)
+    ends = (camera.undistort_points(ends) if camera.distorted else ends) @ affine.T + shift
+    axis = [0 if line.axis == "horizontal" else 1 for line in lines]
+    line_isd = [focal / line.std_px for line in lines]
+    return Observations(
+        kind,
+        observed,
+        inverse_sd,
+        np.array(axis, dtype=np.intc),
+        np.ascontiguousarray(ends.reshape(-1, 4)),
+        np.array(line_isd),
+    )
+
+
+def _tangents(centers: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Tangents (n0, n1, h) at eight eccentric anomalies of each ellipse, (k, 24)."""
+    values, vectors = np.linalg.eigh(shapes)
+    roots = vectors * np.sqrt(values)[:, None]  # L with L Lᵀ = S
+    inverse = vectors / np.sqrt(values)[:, None]  # L⁻ᵀ
+    normals = _CIRCLE @ inverse.transpose(0, 2, 1)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    reach = np.linalg.norm(normals @ roots, axis=2)  # √(nᵀ S n)
+    h = np.einsum("kij,kj->ki", normals, centers) + reach
+    return np.concatenate([normals, h[:, :, None]], axis=2).reshape(len(centers), -1)

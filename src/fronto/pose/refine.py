@@ -1,0 +1,238 @@
+"""``solver="refine"``: one robust bundle adjustment of the panel, from several starts.
+
+Each stage needs what the one before has found: sizes shared, from four tilts; for round
+buttons the roll, from the lattice of centres; rows, columns and size groups, on the
+plane; the full problem, from every distinct optimum and its mirror image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Model, Observations, Solution, solve
+from fronto.pose.rotation import angle_between, rotation_z
+from fronto.pose.starts import initial_parameters, lattice_rolls, reflected, starting_rotations
+from fronto.pose.structure import base_model, size_groups, tied_model, typical_width
+from fronto.pose.template import TemplateButton, templated_model
+from fronto.shapes import FloatArray
+
+__all__ = ["Adjustment", "adjust"]
+
+#: Optima closer than this are one.
+SAME_RAD = np.radians(1.0)
+#: Typical χ² this much above its expectation: the stated deviations are too small.
+MISFIT = 2.0
+#: What a button on no row (or column) costs when ties are compared, in χ².
+UNTIED = 9.0
+#: What one more size group has to gain, in χ² per button in it at the least.
+GROUP_GAIN = 10.0
+#: How upright cameras are held: deviation of the roll, where only circles are seen.
+UPRIGHT_RAD = np.radians(12.0)
+#: An explanation whose cost is within this of the best one cannot be excluded.
+RIVAL = 10.0
+#: Tilt of the starts in degrees, with the focal length known and unknown.
+TILT_KNOWN, TILT_UNKNOWN = 30.0, 40.0
+#: Coarse convergence (in χ²) is enough to tell optima apart.
+COARSE, FINE = 1e-2, 1e-4
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What the caller says about the panel."""
+
+    square: bool
+    aligned: bool
+    template: Sequence[TemplateButton | None] | None
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """What the optimiser found.
+
+    Parameters
+    ----------
+    solutions
+        Optima, best first; empty where nothing could be solved.
+    model, seen
+        What they are optima of.
+    sigma_factor
+        Residuals over the stated deviations where they are larger; `seen` is whitened
+        with the larger ones already.
+    quarter_turned
+        For panels of circles only: the solution turned by 90° whose rows are about as
+        close to horizontal; None where the roll is clear.
+    """
+
+    solutions: tuple[Solution, ...]
+    model: Model
+    seen: Observations
+    sigma_factor: float = 1.0
+    quarter_turned: FloatArray | None = None
+
+
+def adjust(
+    seen: Observations,
+    *,
+    square: bool = False,
+    aligned: bool = True,
+    focal_isd: float = -1.0,
+    template: Sequence[TemplateButton | None] | None = None,
+) -> Adjustment:
+    """Find the rotation, sizes and positions that explain the observations.
+
+    Parameters
+    ----------
+    square
+        The quads are known to be square.
+    aligned
+        Rows and columns line up.
+    focal_isd
+        1/σ of ln(f/f0); negative where the focal length is known.
+    template
+        The known button of each outline, or None.
+    """
+    model = base_model(seen, seen.kind.astype(np.intp), square, focal_isd)
+    rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
+    parameters, xy = initial_parameters(seen, model, rotations)
+    found = _distinct(solve(seen, model, rotations, parameters, xy, tolerance=COARSE))
+    if not found:
+        return Adjustment((), model, seen)
+    only_circles = not bool((seen.kind == QUAD).any())
+    shared = _Shared(square, aligned, template)
+    beginnings = _upright_lattices(found, model) if only_circles else [found]
+    tried = [_with_structure(seen, model, start, shared) for start in beginnings]
+    tried.sort(key=lambda item: item[0])
+    _, model, found = tried[0]
+
+    factor = np.sqrt(_misfit(found[0], model))
+    if factor**2 > MISFIT:
+        # Weigh residuals against the priors by the deviation that they really have.
+        seen = replace(seen, inverse_sd=seen.inverse_sd / factor, line_isd=seen.line_isd / factor)
+        _, model, found = _with_structure(seen, model, found, shared)
+    else:
+        factor = 1.0
+    quarter = _quarter_turned(found[0].rotation) if only_circles else None
+    return Adjustment(tuple(found), model, seen, float(factor), quarter)
+
+
+def _with_structure(
+    seen: Observations,
+    model: Model,
+    found: list[Solution],
+    shared: _Shared,
+) -> tuple[float, Model, list[Solution]]:
+    """Solve with size groups and ties, found again until they stay; the score comes first."""
+    candidates = [seen.kind.astype(np.intp)]
+    groups = size_groups(seen, found[0], model)
+    if len(np.unique(groups)) > len(np.unique(candidates[0])):
+        candidates.append(groups)
+    best: tuple[float, Model, list[Solution]] | None = None
+    for group in candidates:
+        base = base_model(seen, group, shared.square, model.focal_isd)
+        penalty = GROUP_GAIN * (len(base.square_isd) - 1)
+        starts, tried = found, []
+        for _ in range(3):
+            tied, extra = _tied(base, starts[0], shared)
+            if tied.tie_index.tobytes() in tried:
+                break
+            tried.append(tied.tie_index.tobytes())
+            mirror = reflected(seen, starts[0].rotation)
+            solutions = _distinct(_solve_tied(seen, tied, starts, mirror, extra))
+            if not solutions:
+                break
+            score = solutions[0].cost + penalty
+            score += UNTIED * np.count_nonzero(tied.tie_index[:, ::2] < 0)
+            if not (seen.kind == QUAD).any():
+                score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
+            if best is None or score < best[0]:
+                best = (score, tied, solutions)
+            starts = solutions
+    return best or (np.inf, model, found)
+
+
+def _tied(
+    base: Model,
+    solution: Solution,
+    shared: _Shared,
+) -> tuple[Model, FloatArray | None]:
+    # The base model may have other groups than the one that was solved.
+    sizes = np.full(2 * len(base.square_isd), np.median(solution.parameters[FIRST_GROUP:][:2]))
+    parameters = np.concatenate([solution.parameters[:FIRST_GROUP], sizes])
+    solution = replace(solution, parameters=parameters)
+    if shared.template is not None:
+        return templated_model(base, solution, shared.template)
+    return (tied_model(base, solution) if shared.aligned else base), None
+
+
+def _solve_tied(
+    seen: Observations,
+    model: Model,
+    starts: Sequence[Solution],
+    mirror: FloatArray,
+    latents: FloatArray | None,
+) -> list[Solution]:
+    rotations = np.array([start.rotation for start in starts] + [mirror])
+    parameters, xy = initial_parameters(seen, model, rotations)
+    for k, start in enumerate(starts):
+        xy[k] = start.xy
+        parameters[k, FOCAL] = start.parameters[FOCAL]
+    first = FIRST_GROUP + 2 * len(model.square_isd)
+    if latents is not None:
+        parameters[:, first:] = latents
+    else:
+        for axis in range(2):
+            index = model.tie_index[:, 2 * axis]
+            for latent in np.unique(index[index >= 0]):
+                parameters[:, first + latent] = np.median(xy[:, index == latent, axis], axis=1)
+    return solve(seen, model, rotations, parameters, xy, tolerance=FINE)
+
+
+def _distinct(solutions: list[Solution]) -> list[Solution]:
+    """The finite optima, best first, without repetitions."""
+    kept: list[Solution] = []
+    for solution in sorted(solutions, key=lambda item: item.cost):
+        if np.isfinite(solution.cost) and all(
+            angle_between(solution.rotation, other.rotation) > SAME_RAD for other in kept
+        ):
+            kept.append(solution)
+    return kept
+
+
+def _misfit(solution: Solution, model: Model) -> float:
+    """χ² of the typical button over its expectation."""
+    n = len(solution.chi2)
+    freedom = 8.0 - 2.0 - (model.size - 3) / n
+    return float(np.median(solution.chi2)) / max(freedom, 2.0)
+
+
+def _roll(rotation: FloatArray) -> float:
+    """How far the panel's rows are from horizontal in the photo: θ_z of R_x R_y R_z."""
+    return float(np.arctan2(rotation[0, 1], rotation[0, 0]))
+
+
+def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution]]:
+    """Circles do not tell the roll: starts with each that the lattice of centres offers.
+
+    Of a lattice's four rolls the most upright one is taken.
+    """
+    beginnings = []
+    for solution in found[:2]:
+        for turn in lattice_rolls(solution.xy, typical_width(model, solution)):
+            quarters = [rotation_z(turn + k * np.pi / 2) for k in range(4)]
+            best = min(quarters, key=lambda q: abs(_roll(q @ solution.rotation)))
+            upright = replace(
+                solution, rotation=best @ solution.rotation, xy=solution.xy @ best[:2, :2].T
+            )
+            beginnings.append([upright])
+    return beginnings
+
+
+def _quarter_turned(rotation: FloatArray) -> FloatArray | None:
+    """The other reading of a square lattice, where it is nearly as upright; else None."""
+    turned = [rotation_z(sign * np.pi / 2) @ rotation for sign in (-1.0, 1.0)]
+    other = min(turned, key=lambda item: abs(_roll(item)))
+    gain = (_roll(other) ** 2 - _roll(rotation) ** 2) / UPRIGHT_RAD**2
+    return other if gain < RIVAL else None

@@ -1,0 +1,111 @@
+"""What buttons of a panel share: sizes in groups, rows and columns, found on the plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.pose.bundle import FIRST_GROUP, MAX_GLOBALS, QUAD, Model, Observations, Solution
+from fronto.pose.starts import measured
+from fronto.shapes import FloatArray
+
+__all__ = ["base_model", "chains", "size_groups", "tied_model"]
+
+#: Standard deviation of log(width/height) of buttons known to be square.
+SQUARE_STD = 0.01
+#: Deviation of the distance of two buttons from their common row or column, in widths.
+ALIGN_STD = 0.005
+#: Neighbours closer than this across a row or column are on the same one, in widths.
+ALIGN_GAP = 0.35
+#: Sizes that differ by less than this (logarithm), or by this many of their deviations,
+#: are one.
+SIZE_GAP, SIZE_DEVIATIONS = 0.1, 4.0
+
+
+def base_model(
+    seen: Observations, group: npt.NDArray[np.intp], square: bool, focal_isd: float
+) -> Model:
+    """The model before rows and columns are known: sizes shared within each group.
+
+    Parameters
+    ----------
+    group
+        (n,): any label of each button's size group.
+    square
+        The quads are known to be square.
+    focal_isd
+        1/σ of ln(f/f0); negative where the focal length is known.
+    """
+    n = len(seen.kind)
+    labels, index = np.unique(group, return_inverse=True)
+    square_isd = np.zeros(len(labels))
+    if square:
+        square_isd[index[seen.kind == QUAD]] = 1 / SQUARE_STD
+    return Model(
+        group=index.astype(np.intc),
+        square_isd=square_isd,
+        tie_index=np.full((n, 4), -1, dtype=np.intc),
+        tie_coef=np.zeros((n, 4)),
+        tie_isd=np.zeros((n, 2)),
+        latents=0,
+        size_scale=np.zeros((len(labels), 2)),
+        focal_isd=focal_isd,
+    )
+
+
+def chains(values: FloatArray, gap: float) -> npt.NDArray[np.intp]:
+    """Label values (n,) so that sorted neighbours closer than `gap` share a label."""
+    order = np.argsort(values, kind="stable")
+    labels = np.empty(len(values), dtype=np.intp)
+    labels[order[0]] = 0
+    labels[order[1:]] = np.cumsum(np.diff(values[order]) > gap)
+    return labels
+
+
+def typical_width(model: Model, solution: Solution) -> float:
+    """Median width of the buttons on the plane at depth 1."""
+    widths = solution.parameters[FIRST_GROUP : FIRST_GROUP + 2 * len(model.square_isd) : 2]
+    return float(np.exp(np.median(widths[model.group])))
+
+
+def tied_model(model: Model, solution: Solution) -> Model:
+    """Tie buttons of one column to a common x and of one row to a common y."""
+    width = typical_width(model, solution)
+    n = len(model.group)
+    tie_index = np.full((n, 4), -1, dtype=np.intc)
+    tie_coef, tie_isd = np.zeros((n, 4)), np.zeros((n, 2))
+    latents = 0
+    room = MAX_GLOBALS - model.size
+    for axis in range(2):
+        labels = chains(solution.xy[:, axis], ALIGN_GAP * width)
+        sizes = np.bincount(labels)
+        # A row of one ties nothing.
+        latent = np.cumsum(sizes > 1) - 1 + latents
+        latent[(sizes < 2) | (latent >= room)] = -1
+        tie_index[:, 2 * axis] = latent[labels]
+        tied = tie_index[:, 2 * axis] >= 0
+        tie_coef[tied, 2 * axis] = 1.0
+        tie_isd[tied, axis] = np.sqrt(2) / (ALIGN_STD * width)
+        latents = int(max(latents, latent.max() + 1))
+    return replace(model, tie_index=tie_index, tie_coef=tie_coef, tie_isd=tie_isd, latents=latents)
+
+
+def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDArray[np.intp]:
+    """Group label of each button (n,): same shape and, on the plane, about the same size.
+
+    Wide OPEN and CLOSE buttons beside square floor buttons are two groups; one shared
+    size would bend the pose.
+    """
+    scale = np.exp(solution.parameters[3])
+    _, log_size = measured(seen, solution.rotation[None], scale)
+    sizes = log_size[0]
+    # A corner's deviation over the size is the logarithm's; tangents carry twice theirs.
+    reach = np.exp(sizes.mean(axis=1))
+    deviation = 1.0 / (np.maximum(seen.inverse_sd[:, :4].max(axis=1), 1e-9) * reach)
+    gap = np.maximum(SIZE_GAP, SIZE_DEVIATIONS * float(np.median(deviation)))
+    labels = seen.kind.astype(np.intp)
+    for axis in range(2):
+        labels = labels * len(sizes) + chains(sizes[:, axis], gap)
+    return np.asarray(np.unique(labels, return_inverse=True)[1])

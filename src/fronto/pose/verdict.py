@@ -1,0 +1,127 @@
+"""Whether a refined pose can be trusted, and if not, why, in words.
+
+The thresholds are chosen so that in the project's simulation no pose called ok is
+grossly wrong (``benchmarks/pose.py`` measures it): a wrong button is worse than none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fronto.pose.bundle import FOCAL, Solution
+from fronto.pose.refine import RIVAL, Adjustment
+from fronto.results import Status
+from fronto.shapes import FloatArray
+
+__all__ = ["Verdict", "covariance", "judge", "weights"]
+
+#: Largest standard deviation of the rotation about any axis that is still trusted.
+OK_STD_RAD = np.radians(3.0)
+#: Beyond this the outlines do not determine the rotation.
+DETERMINED_STD_RAD = np.radians(15.0)
+#: With outlines set aside on a small panel, setting aside others may explain as much: a
+#: second optimum is excluded only if it costs this much more.
+RIVAL_WITH_OUTLIERS = 40.0
+SMALL_PANEL = 4
+#: Weight below which an outline counts as set aside.
+SET_ASIDE = 0.5
+#: Residuals larger than this share of the button's size: no flat panel fits.
+BAD_FIT = 0.12
+#: Rolls beyond this are more likely a wrong corner order or a photo to be turned.
+ROLLED_RAD = np.radians(60.0)
+FOCAL_OBSERVABLE = 0.15
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Status, why, and which optima rival the best one (indices of solutions)."""
+
+    status: Status
+    reasons: tuple[str, ...]
+    rivals: tuple[int, ...]
+
+
+def weights(adjustment: Adjustment, solution: Solution) -> FloatArray:
+    """Weight (n,) of each outline in the robust loss: 1 = counts in full."""
+    model = adjustment.model
+    excess = np.maximum(solution.chi2 - model.button_knee, 0.0)
+    return np.asarray(1.0 / (1.0 + excess / model.button_c2))
+
+
+def covariance(solution: Solution) -> FloatArray:
+    """Covariance (4, 4) of w (R·exp([w]x), radians) and ln f; NaN where not determined.
+
+    Inverse of the robustly weighted JᵀJ with everything else eliminated (Triggs et al.
+    2000, section 6). ln f has zero variance where the focal length is known.
+    """
+    scale = 1.0 / np.sqrt(np.diag(solution.hessian))
+    try:
+        inverse = np.linalg.inv(solution.hessian * scale * scale[:, None]) * scale * scale[:, None]
+    except np.linalg.LinAlgError:
+        return np.full((4, 4), np.nan)
+    block = inverse[: FOCAL + 1, : FOCAL + 1]
+    if not (np.isfinite(block).all() and (np.diag(block) > 0).all()):
+        return np.full((4, 4), np.nan)
+    return np.asarray(0.5 * (block + block.T))
+
+
+def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px: float) -> Verdict:
+    """Weigh the best solution.
+
+    Parameters
+    ----------
+    cov
+        (3, 3): covariance of its rotation.
+    size_px
+        (n,): size of each button in the photo.
+    sigma_px
+        Deviation of the corners as the residuals have it.
+    """
+    best = adjustment.solutions[0]
+    n = len(best.chi2)
+    weight = weights(adjustment, best)
+    aside = int((weight < SET_ASIDE).sum())
+    small = n - aside <= SMALL_PANEL and aside > 0
+    limit = RIVAL_WITH_OUTLIERS if small else RIVAL
+    rivals = tuple(
+        k for k, other in enumerate(adjustment.solutions[1:], 1) if other.cost - best.cost < limit
+    )
+    if not np.isfinite(cov).all():
+        return Verdict("degenerate", (_undetermined(n),), rivals)
+    std = float(np.sqrt(max(np.linalg.eigvalsh(cov)[-1], 0.0)))
+    if std > DETERMINED_STD_RAD:
+        return Verdict("degenerate", (_undetermined(n),), rivals)
+
+    reasons = []
+    if n == 1:
+        reasons.append("one button only: its tilt to one side and to the other look alike")
+    elif rivals:
+        reasons.append("two poses fit about as well: tilted to one side or to the other")
+    if adjustment.quarter_turned is not None:
+        reasons.append("round buttons rolled by nearly 45°: rows and columns cannot be told apart")
+    if std > OK_STD_RAD:
+        reasons.append(
+            f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
+            "photo, too few or too near to frontal"
+        )
+    if n > 1 and n - aside < 2:
+        reasons.append(f"{aside} of {n} outlines do not fit the others")
+    elif aside > n / 3 and n > 2:
+        reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
+    if sigma_px > BAD_FIT * float(np.median(size_px)):
+        reasons.append(
+            f"the outlines miss the flat panel by {sigma_px:.1f} px: not one plane, or wrong outlines"
+        )
+    if abs(np.arctan2(best.rotation[0, 1], best.rotation[0, 0])) > ROLLED_RAD:
+        reasons.append(
+            "the panel appears rolled by more than 60°: wrong corner order, or a photo to be turned"
+        )
+    return Verdict("uncertain" if reasons else "ok", tuple(reasons), rivals)
+
+
+def _undetermined(n: int) -> str:
+    if n == 1:
+        return "one button does not determine the rotation"
+    return "the outlines do not determine the rotation"

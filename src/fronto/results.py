@@ -1,0 +1,200 @@
+"""What the stages hand on: immutable, typed, with units in the names.
+
+Arrays are read-only float64. See ``docs/result.md`` for the JSON form
+(schema ``fronto.panel/1``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.shapes import Ellipse, FloatArray, Outline
+
+if TYPE_CHECKING:
+    from fronto.camera import Camera
+
+__all__ = ["Button", "Panel", "PanelPose", "RectifiedView", "Status"]
+
+Status = Literal["ok", "uncertain", "degenerate", "no_buttons"]
+SCHEMA = "fronto.panel/1"
+
+
+@dataclass(frozen=True, eq=False)
+class PanelPose:
+    """The rotation between camera and panel, how sure it is, and what it rests on.
+
+    The panel frame has x along the panel's rows (right), y down its columns and z into
+    the wall. ``rotation`` takes camera rays d to the panel frame (it *rectifies*):
+    rotation @ d is proportional to (x, y, 1), a point of the plane at depth 1.
+
+    Parameters
+    ----------
+    status
+        "ok": trust it. "uncertain": a pose, but its deviation is large or a second one
+        fits about as well. "degenerate": the outlines do not determine a rotation.
+        "no_buttons": there was nothing to solve.
+    reasons
+        Why it is not ok, in words.
+    solver
+        "refine" or "grid".
+    rotation
+        Shape (3, 3), R = R_x R_y R_z (paper, Section IV).
+    covariance
+        Shape (3, 3), rad², of w in R·exp([w]x): small turns about the camera's axes.
+        NaN where the solver gives none (grid) or the rotation is not determined.
+    camera
+        The camera used; its focal length is the estimated one where it was unknown.
+    plane_corners
+        Shape (n, 4, 2): corners of each button on the plane z = 1 of the panel frame
+        (of a circle: its circumscribed square), in the order of the outlines.
+    residual_px
+        Shape (n,): root mean square reprojection error of each outline.
+    weight
+        Shape (n,): 1 = fits, towards 0 = the robust loss set the outline aside.
+    sigma_px
+        What the corners' standard deviation came out as, from the residuals; None
+        for the grid.
+    cos_norm
+        ‖Cos‖₂ of the outlines after rectification (paper, Eq. 13); None without quads.
+    final_cr
+        The paper's Final CR (Eq. 17) at its optimum, grid only.
+    focal_std
+        Standard deviation of ln f: 0 where the focal length is taken as known.
+    aspect_std
+        Standard deviation of ln(width/height) of the rectified buttons; None for the grid.
+    plane_depth_m
+        Distance from the camera to the panel's plane, only with a template.
+    notes
+        Remarks that do not touch the status.
+    cost
+        Cost of the solution (refine only).
+    alternatives
+        Other poses that fit about as well, best first.
+    stopped
+        Why the optimiser stopped, and its iterations, in words.
+    """
+
+    status: Status
+    reasons: tuple[str, ...]
+    solver: str
+    rotation: FloatArray
+    covariance: FloatArray
+    camera: Camera
+    plane_corners: FloatArray
+    residual_px: FloatArray
+    weight: FloatArray
+    sigma_px: float | None = None
+    cos_norm: float | None = None
+    final_cr: float | None = None
+    focal_std: float = 0.0
+    aspect_std: float | None = None
+    plane_depth_m: float | None = None
+    notes: tuple[str, ...] = ()
+    cost: float | None = None
+    alternatives: tuple[PanelPose, ...] = ()
+    stopped: str = ""
+
+    @property
+    def normal(self) -> FloatArray:
+        """The panel's normal into the wall, in the camera frame, shape (3,)."""
+        return np.array(self.rotation[2])
+
+    @property
+    def angles_deg(self) -> tuple[float, float, float]:
+        """θ_x, θ_y, θ_z of R = R_x R_y R_z in the paper's signs (Eqs. 3-5), degrees."""
+        from fronto.pose.rotation import angles_from_rotation
+
+        tx, ty, tz = np.degrees(angles_from_rotation(self.rotation))
+        return float(tx), float(ty), float(tz)
+
+    @property
+    def std_deg(self) -> tuple[float, float, float]:
+        """Standard deviations of `angles_deg`, degrees; NaN where not determined."""
+        from fronto.pose.rotation import angle_jacobian
+
+        jacobian = angle_jacobian(self.rotation)
+        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        sx, sy, sz = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
+        return float(sx), float(sy), float(sz)
+
+    def __bool__(self) -> bool:
+        """True for "ok" only."""
+        return self.status == "ok"
+
+
+@dataclass(frozen=True, eq=False)
+class RectifiedView:
+    """A head-on picture and the exact way back to the photo.
+
+    Parameters
+    ----------
+    image
+        Shape (height, width, 4), uint8 (or the source's dtype): the source's channels
+        and alpha, 0 where the photo has nothing to show. Grey photos become 3 equal
+        channels and alpha.
+    homography
+        Shape (3, 3): photo pixel -> rectified pixel, homogeneous. With lens distortion
+        it applies to undistorted pixels (see `homography_domain`).
+    camera
+        The camera that the photo was taken with.
+    crop
+        "panel", "full" or "input".
+    scale
+        Rectified pixels per photo pixel at the buttons' centroid (linear).
+    """
+
+    image: npt.NDArray[Any]
+    homography: FloatArray
+    camera: Camera
+    crop: str
+    scale: float
+
+    @property
+    def width_px(self) -> int:
+        """Width of the rectified picture."""
+        return int(self.image.shape[1])
+
+    @property
+    def height_px(self) -> int:
+        """Height of the rectified picture."""
+        return int(self.image.shape[0])
+
+    @property
+    def homography_domain(self) -> str:
+        """ "source", or "undistorted" for a camera with lens distortion."""
+        return "undistorted" if self.camera.distorted else "source"
+
+
+@dataclass(frozen=True, eq=False)
+class Button:
+    """One button of a result: where it is in the photo and in the rectified view."""
+
+    id: int
+    outline: Outline
+    rectified_corners_px: FloatArray
+    rectified_center_px: FloatArray
+    residual_px: float
+    weight: float
+    rectified_ellipse_px: Ellipse | None = None
+    label: str = ""
+    label_confidence: float | None = None
+    label_source: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Everything found out about one photo: the content of the result JSON."""
+
+    image: str
+    width_px: int
+    height_px: int
+    status: Status
+    reasons: tuple[str, ...]
+    pose: PanelPose
+    buttons: tuple[Button, ...]
+    view: RectifiedView | None = None
+    timing_ms: dict[str, float] = field(default_factory=dict)

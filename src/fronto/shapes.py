@@ -1,0 +1,357 @@
+"""What a panel is made of in the image: button outlines (quads, ellipses) and line segments.
+
+Pixel coordinates: x right, y down, centre of the top-left pixel = (0, 0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.errors import InputError
+
+__all__ = ["Axis", "Ellipse", "FloatArray", "LineSegment", "Outline", "Shape", "order_corners"]
+
+FloatArray = npt.NDArray[np.float64]
+Shape = Literal["quad", "ellipse"]
+Axis = Literal["horizontal", "vertical"]
+
+#: Standard deviation of a corner or of an ellipse's centre where nobody states one.
+DEFAULT_STD_PX = 0.5
+
+
+def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...], thing: str) -> FloatArray:
+    """Copy `values` to a read-only float64 array of the given shape (-1: any length).
+
+    Raises
+    ------
+    InputError
+        If the values are no numbers, not finite, or of another shape.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(thing, f"expected numbers of shape {shape}") from None
+    if array.ndim != len(shape) or any(
+        want not in (-1, have) for want, have in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(thing, f"expected an array of shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(thing, "expected finite numbers, got NaN or infinity")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """An ellipse in pixels.
+
+    Parameters
+    ----------
+    cx, cy
+        Centre.
+    a, b
+        Semi-axes, a >= b > 0.
+    angle_deg
+        Direction of the a axis from +x, clockwise as seen (y is down).
+    """
+
+    cx: float
+    cy: float
+    a: float
+    b: float
+    angle_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.cx, self.cy, self.a, self.b, self.angle_deg)
+        if not all(np.isfinite(value) for value in values):
+            raise InputError("ellipse", "expected finite numbers, got NaN or infinity")
+        if self.b <= 0 or self.a < self.b:
+            raise InputError(
+                "ellipse",
+                f"expected semi-axes a >= b > 0, got a={self.a:g}, b={self.b:g}",
+                "swap the axes and add 90 to angle_deg if b is the longer one",
+            )
+
+    @property
+    def center(self) -> FloatArray:
+        """Centre, shape (2,)."""
+        return np.array([self.cx, self.cy])
+
+    @property
+    def shape_matrix(self) -> FloatArray:
+        """S, shape (2, 2): the ellipse is {c + L u : |u| = 1} for any L with L Lᵀ = S."""
+        angle = np.radians(self.angle_deg)
+        axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return np.asarray((axes * [self.a**2, self.b**2]) @ axes.T)
+
+    @classmethod
+    def from_shape_matrix(cls, center: npt.ArrayLike, shape_matrix: npt.ArrayLike) -> Ellipse:
+        """Build the ellipse from its centre (2,) and S (2, 2).
+
+        Raises
+        ------
+        InputError
+            If S is not positive definite.
+        """
+        values, vectors = np.linalg.eigh(np.asarray(shape_matrix, dtype=np.float64))
+        if not values[0] > 0:
+            raise InputError("ellipse", "expected a positive definite shape matrix")
+        cx, cy = (float(value) for value in np.asarray(center, dtype=np.float64))
+        angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))) % 180.0
+        b, a = (float(value) for value in np.sqrt(values))
+        return cls(cx, cy, a, b, angle)
+
+    def points(self, count: int = 64) -> FloatArray:
+        """`count` points on the ellipse, evenly spaced in the eccentric anomaly, (count, 2)."""
+        t = np.arange(count) * (2 * np.pi / count)
+        angle = np.radians(self.angle_deg)
+        u, v = self.a * np.cos(t), self.b * np.sin(t)
+        return np.stack(
+            [
+                self.cx + u * np.cos(angle) - v * np.sin(angle),
+                self.cy + u * np.sin(angle) + v * np.cos(angle),
+            ],
+            axis=1,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The outline of one button in the photo: a quad of ordered corners, or an ellipse.
+
+    Build it with :meth:`quad` or :meth:`ellipse`.
+
+    Parameters
+    ----------
+    shape
+        "quad" or "ellipse".
+    corners_px
+        Shape (4, 2): top-left, top-right, bottom-right, bottom-left as the panel
+        reads upright (the paper's corners 1 to 4, Fig. 3); None for an ellipse.
+    ellipse_px
+        The ellipse; None for a quad.
+    std_px
+        Standard deviation of each corner coordinate, or of the ellipse's centre
+        coordinates and semi-axes.
+    category
+        What kind of button it is ("up", "number", ...).
+    confidence
+        How sure the segmentation is that this is such a button, 0 to 1.
+    text
+        What is printed on it, "" where unknown.
+    odd
+        The pressable part is no rectangle (a pill, say); `corners_px` bound it.
+    truncated
+        Part of the button lies outside the photo.
+    """
+
+    shape: Shape
+    corners_px: FloatArray | None = None
+    ellipse_px: Ellipse | None = None
+    std_px: float = DEFAULT_STD_PX
+    category: str = "other"
+    confidence: float = 1.0
+    text: str = ""
+    odd: bool = False
+    truncated: bool = False
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.std_px) and self.std_px > 0):
+            raise InputError("std_px", f"expected a positive number of pixels, got {self.std_px}")
+        if self.shape == "quad":
+            if self.corners_px is None or self.ellipse_px is not None:
+                raise InputError("outline", "a quad needs corners_px and no ellipse_px")
+            object.__setattr__(self, "corners_px", check_corners(self.corners_px))
+        elif self.shape == "ellipse":
+            if self.ellipse_px is None or self.corners_px is not None:
+                raise InputError("outline", "an ellipse needs ellipse_px and no corners_px")
+        else:
+            raise InputError("shape", f'expected "quad" or "ellipse", got {self.shape!r}')
+
+    @classmethod
+    def quad(
+        cls,
+        corners_px: npt.ArrayLike,
+        *,
+        std_px: float = DEFAULT_STD_PX,
+        category: str = "other",
+        confidence: float = 1.0,
+        text: str = "",
+        odd: bool = False,
+        truncated: bool = False,
+    ) -> Outline:
+        """A quad from its corners (4, 2): top-left, top-right, bottom-right, bottom-left.
+
+        Raises
+        ------
+        InputError
+            If the corners are not finite, repeat, cross, turn inwards or run the wrong
+            way round (a mirrored panel).
+        """
+        return cls(
+            "quad",
+            corners_px=np.asarray(corners_px, dtype=object),  # checked and copied below
+            std_px=std_px,
+            category=category,
+            confidence=confidence,
+            text=text,
+            odd=odd,
+            truncated=truncated,
+        )
+
+    @classmethod
+    def ellipse(
+        cls,
+        cx: float,
+        cy: float,
+        a: float,
+        b: float,
+        angle_deg: float = 0.0,
+        *,
+        std_px: float = DEFAULT_STD_PX,
+        category: str = "other",
+        confidence: float = 1.0,
+        text: str = "",
+        truncated: bool = False,
+    ) -> Outline:
+        """An ellipse from its centre, semi-axes (a >= b) and the a axis' angle.
+
+        Raises
+        ------
+        InputError
+            If a number is not finite or the axes are not a >= b > 0.
+        """
+        return cls(
+            "ellipse",
+            ellipse_px=Ellipse(cx, cy, a, b, angle_deg),
+            std_px=std_px,
+            category=category,
+            confidence=confidence,
+            text=text,
+            truncated=truncated,
+        )
+
+    @property
+    def center_px(self) -> FloatArray:
+        """Where the quad's diagonals cross, or the ellipse's centre, shape (2,)."""
+        if self.ellipse_px is not None:
+            return self.ellipse_px.center
+        assert self.corners_px is not None
+        a, b, c, d = self.corners_px
+        first, second = c - a, d - b
+        t = _cross(b - a, second) / _cross(first, second)
+        return np.asarray(a + t * first)
+
+    @property
+    def box_px(self) -> tuple[float, float, float, float]:
+        """The outline's bounding box x0, y0, x1, y1."""
+        if self.ellipse_px is not None:
+            half = np.sqrt(np.diag(self.ellipse_px.shape_matrix))
+            low, high = self.ellipse_px.center - half, self.ellipse_px.center + half
+        else:
+            assert self.corners_px is not None
+            low, high = self.corners_px.min(axis=0), self.corners_px.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+@dataclass(frozen=True, eq=False)
+class LineSegment:
+    """A straight segment in the photo, parallel to one of the panel's axes in space.
+
+    Panel edges, door frames, handrails: anything horizontal or vertical on the wall
+    shares the panel's vanishing points, whatever plane it lies in.
+
+    Parameters
+    ----------
+    axis
+        "horizontal" or "vertical" on the wall.
+    ends_px
+        Shape (2, 2): the two end points.
+    std_px
+        Standard deviation of an end point across the line.
+    """
+
+    axis: Axis
+    ends_px: FloatArray
+    std_px: float = DEFAULT_STD_PX
+
+    def __post_init__(self) -> None:
+        if self.axis not in ("horizontal", "vertical"):
+            raise InputError("axis", f'expected "horizontal" or "vertical", got {self.axis!r}')
+        if not (np.isfinite(self.std_px) and self.std_px > 0):
+            raise InputError("std_px", f"expected a positive number of pixels, got {self.std_px}")
+        ends = frozen_array(self.ends_px, (2, 2), "line ends_px")
+        if np.linalg.norm(ends[1] - ends[0]) < 1.0:
+            raise InputError("line ends_px", "expected two points at least one pixel apart")
+        object.__setattr__(self, "ends_px", ends)
+
+
+def _cross(u: FloatArray, v: FloatArray) -> float:
+    return float(u[0] * v[1] - u[1] * v[0])
+
+
+def check_corners(corners: npt.ArrayLike) -> FloatArray:
+    """Corners (4, 2) as a read-only array, if they bound a convex, unmirrored button.
+
+    Raises
+    ------
+    InputError
+        Naming what is wrong: NaN, coinciding corners, crossing sides, a corner that
+        turns inwards, or corners that run counter-clockwise (mirrored).
+    """
+    array = frozen_array(corners, (4, 2), "corners")
+    sides = np.roll(array, -1, axis=0) - array
+    lengths = np.hypot(sides[:, 0], sides[:, 1])
+    diagonals = np.hypot(*(array[2:] - array[:2]).T)
+    scale = float(max(lengths.max(), diagonals.max()))
+    if scale == 0 or min(lengths.min(), diagonals.min()) < 1e-6 * scale:
+        raise InputError("corners", "expected four different points, got coinciding ones")
+    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
+    order = "order them top-left, top-right, bottom-right, bottom-left (fronto.order_corners does)"
+    if (turns <= 1e-9 * scale**2).all():
+        raise InputError(
+            "corners", "expected clockwise corners, got counter-clockwise (mirrored) ones", order
+        )
+    if (turns > 1e-9 * scale**2).all():
+        return array
+    if sum(turns > 0) == 2:
+        raise InputError("corners", "expected a simple quadrilateral, got crossing sides", order)
+    raise InputError("corners", "expected a convex quadrilateral, got a corner that turns inwards")
+
+
+def order_corners(points: npt.ArrayLike | Sequence[Sequence[float]]) -> FloatArray:
+    """Order four corners of an upright button: top-left, top-right, bottom-right, bottom-left.
+
+    Right for a camera rolled by less than 45 degrees against the panel (the paper's
+    corner order, Fig. 3).
+
+    Parameters
+    ----------
+    points
+        Shape (4, 2), pixels, in any order.
+
+    Returns
+    -------
+    Shape (4, 2).
+
+    Raises
+    ------
+    InputError
+        If the points bound no convex quadrilateral.
+    """
+    array = frozen_array(points, (4, 2), "corners")
+    offset = array - array.mean(axis=0)
+    clockwise = array[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]), kind="stable")]
+    # The upper side is the one whose outward normal points up the most: its direction,
+    # walked clockwise, is the one closest to +x.
+    sides = np.roll(clockwise, -1, axis=0) - clockwise
+    lengths = np.maximum(np.hypot(sides[:, 0], sides[:, 1]), np.finfo(float).tiny)
+    # Opposite sides agree on the direction; using both keeps slanted quads right.
+    along = sides[:, 0] / lengths
+    first = int(np.argmax(along - np.roll(along, -2)))
+    return check_corners(np.roll(clockwise, -first, axis=0))

@@ -1,0 +1,16 @@
+"""Simulated panels and cameras with exact ground truth, shared by tests and benchmarks."""
+
+from fronto.synth.layouts import Layout, LayoutButton, car_layout, circle_layout, hall_layout
+from fronto.synth.scene import PAPER_CAMERA, Scene, observe, sample_scene
+
+__all__ = [
+    "PAPER_CAMERA",
+    "Layout",
+    "LayoutButton",
+    "Scene",
+    "car_layout",
+    "circle_layout",
+    "hall_layout",
+    "observe",
+    "sample_scene",
+]
