@@ -278,16 +278,16 @@ def _draw_banner(canvas: Picture, pose: PanelPose, unit: float) -> None:
     color, words = STATUS[pose.status]
     # A line of digits is wider than one of words.
     digits = _text_size("0" * 20, unit)[0] / 20
-    letters = max(12, int((canvas.shape[1] - 12 * unit) / max(1.0, digits)))
+    letters = max(12, int((canvas.shape[1] - 16 * unit) / max(1.0, digits)))
     lines = [words, _rotation_words(pose), *pose.reasons]
     wrapped = [part for line in lines for part in textwrap.wrap(line, letters)]
-    pad, step = round(6 * unit), round(16 * unit)
+    pad, step = round(8 * unit), round(16 * unit)
     wide = max(_text_size(line, unit)[0] for line in wrapped) + 2 * pad
-    box = canvas[: step * len(wrapped) + pad, :wide]
+    box = canvas[: step * len(wrapped) + 2 * pad, :wide]
     # Half-transparent, so that the photo is not lost below.
     box[:] = (0.15 * box + 0.85 * np.array(color)).astype(np.uint8)
     for i, line in enumerate(wrapped):
-        _text(canvas, line, (pad, step * (i + 1) - pad // 3), unit, (255, 255, 255))
+        _text(canvas, line, (pad, step * (i + 1) + pad // 2), unit, (255, 255, 255))
 
 
 def _rotation_words(pose: PanelPose) -> str:

@@ -7,15 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from fronto.errors import InputError
-from fronto.shapes import Outline
+from fronto.shapes import FloatArray, Outline
 
-__all__ = ["check_outlines"]
+__all__ = ["boxes_px", "check_outlines"]
 
 #: A corner order that starts at another corner shows as a quarter turn; perspective and
 #: roll together stay well below this between buttons of one panel.
 _ORDER_RAD = np.radians(60.0)
 #: Outlines of one shape whose centres are closer than this share of their size are one button.
 _SAME = 0.2
+
+
+def boxes_px(outlines: Sequence[Outline]) -> FloatArray:
+    """Bounding boxes x0, y0, x1, y1 of the outlines, (n, 4)."""
+    if all(outline.corners_px is not None for outline in outlines):
+        corners = np.array([outline.corners_px for outline in outlines])
+        return np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
+    return np.array([outline.box_px for outline in outlines])
 
 
 def check_outlines(outlines: Sequence[Outline]) -> None:
@@ -36,7 +44,8 @@ def check_outlines(outlines: Sequence[Outline]) -> None:
             )
     if len(outlines) < 2:
         return
-    boxes = np.array([outline.box_px for outline in outlines])
+    quads = [(k, o.corners_px) for k, o in enumerate(outlines) if o.corners_px is not None]
+    boxes = boxes_px(outlines)
     center = 0.5 * (boxes[:, :2] + boxes[:, 2:])
     size = np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
     offset = np.abs(center[:, None] - center).max(axis=2)
@@ -49,7 +58,6 @@ def check_outlines(outlines: Sequence[Outline]) -> None:
             "expected different buttons, got two outlines of one",
             "remove one of them",
         )
-    quads = [(k, o.corners_px) for k, o in enumerate(outlines) if o.corners_px is not None]
     if len(quads) < 2:
         return
     corners = np.array([c for _, c in quads])

@@ -11,10 +11,11 @@ import numpy as np
 from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Solution
-from fronto.pose.checks import check_outlines
+from fronto.pose.checks import boxes_px, check_outlines
 from fronto.pose.criteria import cos_norm
 from fronto.pose.observations import observations, undistorted
 from fronto.pose.refine import Adjustment, adjust
+from fronto.pose.starts import middle
 from fronto.pose.template import Template, match_template
 from fronto.pose.verdict import FOCAL_OBSERVABLE, Verdict, covariance, judge, weights
 from fronto.results import PanelPose
@@ -122,11 +123,13 @@ def _without(camera: Camera, solver: str, status: Any, reason: str, n: int) -> P
 def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) -> PanelPose:
     best = found.solutions[0]
     std = np.array([outline.std_px for outline in flat]) * found.sigma_factor
-    sigma_px = float(np.median(std))
-    boxes = np.array([outline.box_px for outline in flat])
+    sigma_px = float(middle(std))
+    boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
     cov = covariance(best)
     verdict = judge(found, cov[:3, :3], size_px, sigma_px)
+    if verdict.status == "degenerate":
+        cov = np.full((4, 4), np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
     others = [
         _pose(found.solutions[k], camera, found, verdict, std, covariance(found.solutions[k]))
@@ -187,7 +190,7 @@ def _pose(
         plane_corners=corners,
         residual_px=residual,
         weight=weights(found, solution),
-        sigma_px=float(np.median(std)),
+        sigma_px=float(middle(std)),
         cos_norm=_cos_norm(seen.observed[quads, :8], solution),
         focal_std=focal_std,
         aspect_std=aspect,

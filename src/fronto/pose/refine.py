@@ -14,8 +14,14 @@ import numpy as np
 
 from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Model, Observations, Solution, solve
 from fronto.pose.rotation import angle_between, rotation_z
-from fronto.pose.starts import initial_parameters, lattice_rolls, reflected, starting_rotations
-from fronto.pose.structure import base_model, size_groups, tied_model, typical_width
+from fronto.pose.starts import (
+    initial_parameters,
+    lattice_rolls,
+    middle,
+    reflected,
+    starting_rotations,
+)
+from fronto.pose.structure import base_model, numbered, size_groups, tied_model, typical_width
 from fronto.pose.template import TemplateButton, templated_model
 from fronto.shapes import FloatArray
 
@@ -94,7 +100,7 @@ def adjust(
     template
         The known button of each outline, or None.
     """
-    model = base_model(seen, seen.kind.astype(np.intp), square, focal_isd)
+    model = base_model(seen, numbered(seen.kind), square, focal_isd)
     rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
     parameters, xy = initial_parameters(seen, model, rotations)
     found = _distinct(solve(seen, model, rotations, parameters, xy, tolerance=COARSE))
@@ -125,9 +131,9 @@ def _with_structure(
     shared: _Shared,
 ) -> tuple[float, Model, list[Solution]]:
     """Solve with size groups and ties, found again until they stay; the score comes first."""
-    candidates = [seen.kind.astype(np.intp)]
+    candidates = [numbered(seen.kind)]
     groups = size_groups(seen, found[0], model)
-    if len(np.unique(groups)) > len(np.unique(candidates[0])):
+    if groups.max() > candidates[0].max():
         candidates.append(groups)
     best: tuple[float, Model, list[Solution]] | None = None
     for group in candidates:
@@ -159,7 +165,9 @@ def _tied(
     shared: _Shared,
 ) -> tuple[Model, FloatArray | None]:
     # The base model may have other groups than the one that was solved.
-    sizes = np.full(2 * len(base.square_isd), np.median(solution.parameters[FIRST_GROUP:][:2]))
+    sizes = np.full(
+        2 * len(base.square_isd), solution.parameters[FIRST_GROUP : FIRST_GROUP + 2].mean()
+    )
     parameters = np.concatenate([solution.parameters[:FIRST_GROUP], sizes])
     solution = replace(solution, parameters=parameters)
     if shared.template is not None:
@@ -183,10 +191,9 @@ def _solve_tied(
     if latents is not None:
         parameters[:, first:] = latents
     else:
-        for axis in range(2):
-            index = model.tie_index[:, 2 * axis]
-            for latent in np.unique(index[index >= 0]):
-                parameters[:, first + latent] = np.median(xy[:, index == latent, axis], axis=1)
+        member = model.tie_index[:, ::2, None] == np.arange(model.latents)
+        count = member.sum(axis=(0, 1))
+        parameters[:, first:] = np.einsum("kia,ial->kl", xy, member) / count
     return solve(seen, model, rotations, parameters, xy, tolerance=FINE)
 
 
@@ -205,7 +212,7 @@ def _misfit(solution: Solution, model: Model) -> float:
     """χ² of the typical button over its expectation."""
     n = len(solution.chi2)
     freedom = 8.0 - 2.0 - (model.size - 3) / n
-    return float(np.median(solution.chi2)) / max(freedom, 2.0)
+    return float(middle(solution.chi2)) / max(freedom, 2.0)
 
 
 def _roll(rotation: FloatArray) -> float:
@@ -220,7 +227,11 @@ def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution
     """
     beginnings = []
     for solution in found[:2]:
-        for turn in lattice_rolls(solution.xy, typical_width(model, solution)):
+        turns = lattice_rolls(solution.xy, typical_width(model, solution))
+        if not turns:  # one circle: nothing but "upright" is known
+            row0, row1 = solution.rotation[:2]
+            turns = [float(np.arctan2(-row0[1], row1[1]))]
+        for turn in turns:
             quarters = [rotation_z(turn + k * np.pi / 2) for k in range(4)]
             best = min(quarters, key=lambda q: abs(_roll(q @ solution.rotation)))
             upright = replace(

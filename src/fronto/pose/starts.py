@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from fronto.pose.bundle import ELLIPSE, FIRST_GROUP, QUAD, Model, Observations
 from fronto.pose.rotation import rotation_x, rotation_y, rotation_z
@@ -12,6 +15,7 @@ __all__ = [
     "initial_parameters",
     "lattice_rolls",
     "measured",
+    "middle",
     "reflected",
     "starting_rotations",
     "upright",
@@ -21,31 +25,37 @@ __all__ = [
 _FRONT = 0.05
 
 
+def middle(values: npt.NDArray[Any], axis: int = 0) -> npt.NDArray[Any]:
+    """Upper median: `np.median` takes longer on a handful of numbers than a solver step."""
+    ordered = np.sort(values, axis=axis)
+    return np.asarray(ordered.take(values.shape[axis] // 2, axis=axis))
+
+
 def starting_rotations(seen: Observations, tilt_deg: float = 30.0) -> FloatArray:
-    """Four rotations tilted by `tilt_deg` along the diagonals, rolled upright, (k, 3, 3).
+    """Four rotations tilted by `tilt_deg` along the diagonals, rolled upright, (4, 3, 3).
 
     The roll of each comes from the mean direction of the quads' sides after the tilt; it
     is zero where there are only ellipses. Tilts that would put part of the panel behind
-    the camera are halved until they do not.
+    the camera are halved until none does.
     """
     points = _points(seen)
-    result = []
-    for sign_x, sign_y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        angle = np.radians(tilt_deg) / np.sqrt(2)
-        for _ in range(6):
-            rotation = rotation_x(sign_x * angle) @ rotation_y(sign_y * angle)
-            if (points @ rotation[2]).min() > _FRONT:
-                break
-            angle /= 2
-        result.append(upright(seen, rotation))
-    return np.array(result)
+    angle = np.radians(tilt_deg) / np.sqrt(2)
+    for _ in range(6):
+        rotations = np.array(
+            [rotation_x(a * angle) @ rotation_y(b * angle) for a in (1, -1) for b in (1, -1)]
+        )
+        if (points @ rotations[:, 2].T).min() > _FRONT:
+            break
+        angle /= 2
+    return upright(seen, rotations)
 
 
 def _points(seen: Observations) -> FloatArray:
     """Rays (k, 3) of everything that must stay in front of the camera."""
     quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
-    centers = _ellipse_centers(seen)
-    points = np.concatenate([quads, centers])
+    points = quads
+    if len(quads) < 4 * len(seen.kind):
+        points = np.concatenate([quads, _ellipse_centers(seen)])
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
@@ -71,26 +81,30 @@ def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
     # Half a turn about the ray mirrors the normal; a half turn within the plane undoes
     # what it does to the roll.
     half_turn = 2 * np.outer(ray, ray) - np.eye(3)
-    return upright(seen, rotation_z(np.pi) @ rotation @ half_turn)
+    return upright(seen, (rotation_z(np.pi) @ rotation @ half_turn)[None])[0]
 
 
-def upright(seen: Observations, rotation: FloatArray) -> FloatArray:
-    """Turn within the plane so that the quads' sides are upright; (3, 3) unchanged without quads."""
-    quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 4, 2)
+def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
+    """Turn rotations (k, 3, 3) within the plane so that the quads' sides are upright.
+
+    Without quads they come back as they are.
+    """
+    quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
     if not len(quads):
-        return rotation
-    plane = quads @ rotation[:, :2].T + rotation[:, 2]
-    depth = plane[..., 2]
-    front = (depth > _FRONT).all(axis=1)
-    if not front.any():
-        return rotation
-    plane = (plane[..., :2] / depth[..., None])[front]
-    across = plane[:, 1] - plane[:, 0] + plane[:, 2] - plane[:, 3]
-    down = plane[:, 3] - plane[:, 0] + plane[:, 2] - plane[:, 1]
+        return rotations
+    plane = _on_plane(quads, rotations)
+    a, b, c, d = (plane[:, k::4] for k in range(4))
+    across = (b - a + c - d).sum(axis=1)
+    down = (d - a + c - b).sum(axis=1)
     # A quarter turn back makes the vertical sides vote for the same direction.
-    sides = across.sum(axis=0) + np.array([down[:, 1].sum(), -down[:, 0].sum()])
-    roll = np.arctan2(sides[1], sides[0])
-    return rotation_z(roll) @ rotation
+    roll = np.arctan2(across[:, 1] - down[:, 0], across[:, 0] + down[:, 1])
+    return np.array([rotation_z(turn) for turn in roll]) @ rotations
+
+
+def _on_plane(points: FloatArray, rotations: FloatArray) -> FloatArray:
+    """Normalised points (n, 2) on the plane at depth 1 of each rotation, (k, n, 2)."""
+    plane = points @ rotations[:, :, :2].transpose(0, 2, 1) + rotations[:, None, :, 2]
+    return np.asarray(plane[..., :2] / np.maximum(plane[..., 2:], _FRONT))
 
 
 def measured(
@@ -115,8 +129,7 @@ def measured(
     quads, round_ = seen.kind == QUAD, seen.kind == ELLIPSE
     if quads.any():
         corners = seen.observed[quads, :8].reshape(-1, 2) / focal_scale
-        plane = corners @ rotations[:, :, :2].transpose(0, 2, 1) + rotations[:, None, :, 2]
-        plane = plane[..., :2] / np.maximum(plane[..., 2:], _FRONT)
+        plane = _on_plane(corners, rotations)
         a, b, c, d = (plane[:, k::4] for k in range(4))
         xy[:, quads] = 0.25 * (a + b + c + d)
         across, down = b - a + c - d, d - a + c - b
@@ -144,7 +157,7 @@ def initial_parameters(
     for group in range(len(model.square_isd)):
         at = FIRST_GROUP + 2 * group
         members = log_size[:, model.group == group]
-        parameters[:, at : at + 2] = np.median(members, axis=1)
+        parameters[:, at : at + 2] = middle(members, axis=1)
     return parameters, xy
 
 
@@ -162,11 +175,11 @@ def lattice_rolls(centers: FloatArray, width: float, most: int = 2) -> list[floa
     width
         Diameter of a button in the same units.
     most
-        How many turns at the most.
+        How many turns at the most; none for a single button.
     """
     n = len(centers)
     if n < 2:
-        return [0.0]
+        return []
     first, second = np.triu_indices(n, 1)
     offset = centers[second] - centers[first]
     distance = np.hypot(offset[:, 0], offset[:, 1])

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fronto.pose.bundle import FIRST_GROUP, MAX_GLOBALS, QUAD, Model, Observations, Solution
-from fronto.pose.starts import measured
+from fronto.pose.starts import measured, middle
 from fronto.shapes import FloatArray
 
-__all__ = ["base_model", "chains", "size_groups", "tied_model"]
+__all__ = ["base_model", "chains", "numbered", "size_groups", "tied_model"]
 
 #: Standard deviation of log(width/height) of buttons known to be square.
 SQUARE_STD = 0.01
@@ -32,25 +33,25 @@ def base_model(
     Parameters
     ----------
     group
-        (n,): any label of each button's size group.
+        (n,): each button's size group, 0, 1, ...
     square
         The quads are known to be square.
     focal_isd
         1/σ of ln(f/f0); negative where the focal length is known.
     """
     n = len(seen.kind)
-    labels, index = np.unique(group, return_inverse=True)
-    square_isd = np.zeros(len(labels))
+    groups = int(group.max()) + 1
+    square_isd = np.zeros(groups)
     if square:
-        square_isd[index[seen.kind == QUAD]] = 1 / SQUARE_STD
+        square_isd[group[seen.kind == QUAD]] = 1 / SQUARE_STD
     return Model(
-        group=index.astype(np.intc),
+        group=group.astype(np.intc),
         square_isd=square_isd,
         tie_index=np.full((n, 4), -1, dtype=np.intc),
         tie_coef=np.zeros((n, 4)),
         tie_isd=np.zeros((n, 2)),
         latents=0,
-        size_scale=np.zeros((len(labels), 2)),
+        size_scale=np.zeros((groups, 2)),
         focal_isd=focal_isd,
     )
 
@@ -67,7 +68,7 @@ def chains(values: FloatArray, gap: float) -> npt.NDArray[np.intp]:
 def typical_width(model: Model, solution: Solution) -> float:
     """Median width of the buttons on the plane at depth 1."""
     widths = solution.parameters[FIRST_GROUP : FIRST_GROUP + 2 * len(model.square_isd) : 2]
-    return float(np.exp(np.median(widths[model.group])))
+    return float(np.exp(middle(widths[model.group])))
 
 
 def tied_model(model: Model, solution: Solution) -> Model:
@@ -104,8 +105,15 @@ def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDA
     # A corner's deviation over the size is the logarithm's; tangents carry twice theirs.
     reach = np.exp(sizes.mean(axis=1))
     deviation = 1.0 / (np.maximum(seen.inverse_sd[:, :4].max(axis=1), 1e-9) * reach)
-    gap = np.maximum(SIZE_GAP, SIZE_DEVIATIONS * float(np.median(deviation)))
+    gap = np.maximum(SIZE_GAP, SIZE_DEVIATIONS * float(middle(deviation)))
     labels = seen.kind.astype(np.intp)
     for axis in range(2):
         labels = labels * len(sizes) + chains(sizes[:, axis], gap)
-    return np.asarray(np.unique(labels, return_inverse=True)[1])
+    return numbered(labels)
+
+
+def numbered(labels: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
+    """The same partition with labels 0, 1, ..."""
+    if (labels == labels[0]).all():
+        return np.zeros(len(labels), dtype=np.intp)
+    return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.intp)

@@ -12,6 +12,7 @@ import numpy as np
 
 from fronto.pose.bundle import FOCAL, Solution
 from fronto.pose.refine import RIVAL, Adjustment
+from fronto.pose.starts import middle
 from fronto.results import Status
 from fronto.shapes import FloatArray
 
@@ -110,7 +111,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         reasons.append(f"{aside} of {n} outlines do not fit the others")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
-    if sigma_px > BAD_FIT * float(np.median(size_px)):
+    if sigma_px > BAD_FIT * float(middle(size_px)):
         reasons.append(
             f"the outlines miss the flat panel by {sigma_px:.1f} px: not one plane, or wrong outlines"
         )
