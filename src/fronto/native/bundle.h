@@ -1,8 +1,11 @@
 /* The panel's bundle adjustment: data layout shared by its model and its solver.
  *
- * Coordinates: "normalised" pixels u = K^-1 p (first two rows); a panel point (x, y, 1) of
- * the plane at depth 1 is seen at u = s * (d0/d2, d1/d2) with d = R^T (x, y, 1) and
- * s = exp(log_focal), the factor between the true focal length and K's.
+ * Coordinates: "normalised" pixels u = K^-1 p (first two rows). A panel point (x, y) is seen
+ * at u = s * (d0/d2, d1/d2) with d = t + R^T (x, y, 0), where s = exp(log_focal) is the
+ * factor between the true focal length and K's and t = (pivot / s, 1). The panel turns
+ * about the pivot, its middle: so (x, y) and the sizes hardly change with the tilt. Turning
+ * about the camera (the plane at depth 1) is the same family of views, but its valley is
+ * so curved that the optimiser needs ten times as many steps.
  *
  * Global parameters, in this order: w (3, R <- R exp([w]x)), log_focal, then per size
  * group log width and log height (of circles: log diameter, unused), then the latent
@@ -19,6 +22,7 @@ enum { QUAD = 0, ELLIPSE = 1 };
 
 typedef struct {
     int buttons, groups, latents, lines;
+    double pivot[2];          /* normalised                                                  */
     /* buttons */
     const int *kind;          /* (buttons)    QUAD or ELLIPSE                                */
     const double *observed;   /* (buttons,24) quad: 4 corners (u0,u1), then unused;

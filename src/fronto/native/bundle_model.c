@@ -25,8 +25,13 @@ static double knee_cauchy(double s, double knee, double c2, double *weight) {
     return knee + cauchy(s - knee, c2, weight);
 }
 
-static void rotate_back(const double *R, double x, double y, double *d) {
-    for (int k = 0; k < 3; k++) d[k] = R[k] * x + R[3 + k] * y + R[6 + k];
+/* A panel point relative to the pivot, e = R^T (x, y, 0), and in the camera frame, d = t + e. */
+static void place(const Problem *p, const double *R, double s, double x, double y, double *e,
+                  double *d) {
+    for (int k = 0; k < 3; k++) e[k] = R[k] * x + R[3 + k] * y;
+    d[0] = e[0] + p->pivot[0] / s;
+    d[1] = e[1] + p->pivot[1] / s;
+    d[2] = e[2] + 1.0;
 }
 
 /* Eight residuals of a quad: projected minus observed corners, whitened. */
@@ -37,8 +42,8 @@ static int quad_rows(const Problem *p, int i, const double *R, double s, double 
     for (int c = 0; c < 4; c++) {
         const double weight = p->inverse_sd[(size_t)i * TANGENTS + c];
         const double dx = SX[c] * width, dy = SY[c] * height;
-        double d[3];
-        rotate_back(R, xy[0] + dx, xy[1] + dy, d);
+        double d[3], e[3];
+        place(p, R, s, xy[0] + dx, xy[1] + dy, e, d);
         if (!(d[2] > 1e-6)) return -1;
         const double iz = 1.0 / d[2], a = d[0] * iz, b = d[1] * iz;
         r[2 * c] = weight * (s * a - seen[2 * c]);
@@ -46,10 +51,11 @@ static int quad_rows(const Problem *p, int i, const double *R, double s, double 
         if (!J) continue;
         const double k = weight * s * iz;
         double *J0 = J[2 * c], *J1 = J[2 * c + 1];
-        /* d(d)/dw = [d]x, d(u)/d(d) = s/d2 (1 0 -a; 0 1 -b) */
-        J0[0] = k * (-a * -d[1]), J0[1] = k * (-d[2] - a * d[0]), J0[2] = k * d[1];
-        J1[0] = k * (d[2] + b * d[1]), J1[1] = k * (-b * d[0]), J1[2] = k * -d[0];
-        J0[FOCAL] = weight * s * a, J1[FOCAL] = weight * s * b;
+        /* d(d)/dw = [e]x, d(u)/d(d) = s/d2 (1 0 -a; 0 1 -b) */
+        J0[0] = k * a * e[1], J0[1] = k * (-e[2] - a * e[0]), J0[2] = k * e[1];
+        J1[0] = k * (e[2] + b * e[1]), J1[1] = k * -b * e[0], J1[2] = k * -e[0];
+        J0[FOCAL] = weight * s * a - k * p->pivot[0] / s;
+        J1[FOCAL] = weight * s * b - k * p->pivot[1] / s;
         J0[X] = k * (R[0] - a * R[2]), J1[X] = k * (R[1] - b * R[2]);
         J0[Y] = k * (R[3] - a * R[5]), J1[Y] = k * (R[4] - b * R[5]);
         J0[WIDTH] = J0[X] * dx, J1[WIDTH] = J1[X] * dx;
@@ -65,8 +71,8 @@ static int ellipse_rows(const Problem *p, int i, const double *R, double s, doub
                         const double *xy, double *r, double (*J)[COLUMNS]) {
     const double *seen = p->observed + (size_t)i * OBSERVATION;
     const double rho2 = 0.25 * diameter * diameter;
-    double v[3][3]; /* d, r1, r2 */
-    rotate_back(R, xy[0], xy[1], v[0]);
+    double v[3][3], e[3]; /* d, r1, r2 */
+    place(p, R, s, xy[0], xy[1], e, v[0]);
     memcpy(v[1], R, 3 * sizeof(double));
     memcpy(v[2], R + 3, 3 * sizeof(double));
     const double A = rho2 * (v[1][2] * v[1][2] + v[2][2] * v[2][2]) - v[0][2] * v[0][2];
@@ -92,12 +98,14 @@ static int ellipse_rows(const Problem *p, int i, const double *R, double s, doub
         scale[2] = 2.0 * rho2 * tk[2] * k;
         memset(J[t], 0, sizeof J[t]);
         for (int q = 0; q < 3; q++) {
-            /* l . (v x w) = (l x v) . w */
-            J[t][0] += scale[q] * (l[1] * v[q][2] - l[2] * v[q][1]);
-            J[t][1] += scale[q] * (l[2] * v[q][0] - l[0] * v[q][2]);
-            J[t][2] += scale[q] * (l[0] * v[q][1] - l[1] * v[q][0]);
+            /* l . (turns x w) = (l x turns) . w; of d only what is not the pivot turns */
+            const double *turns = q == 0 ? e : v[q];
+            J[t][0] += scale[q] * (l[1] * turns[2] - l[2] * turns[1]);
+            J[t][1] += scale[q] * (l[2] * turns[0] - l[0] * turns[2]);
+            J[t][2] += scale[q] * (l[0] * turns[1] - l[1] * turns[0]);
             J[t][FOCAL] += scale[q] * f[q];
         }
+        J[t][FOCAL] -= scale[0] * (nx * p->pivot[0] + ny * p->pivot[1]) / s;
         J[t][WIDTH] = 2.0 * rho2 * k * (tk[1] * tk[1] + tk[2] * tk[2]);
         J[t][X] = scale[0] * tk[1];
         J[t][Y] = scale[0] * tk[2];

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from fronto.native import library
 from fronto.shapes import FloatArray
 
-__all__ = ["Model", "Observations", "Solution", "evaluate", "solve"]
+__all__ = ["Model", "Observations", "Solution", "depth_one", "evaluate", "solve"]
 
 IntArray = npt.NDArray[np.intc]
 
@@ -42,6 +42,9 @@ class Observations:
         the tangent being {u : n·u = h} with unit outward normal n.
     inverse_sd
         (n, 8): 1/σ of each corner (first four; 0 = not seen) or tangent.
+    pivot
+        The panel's middle: (x, y) of the plane are distances from where its ray meets
+        the panel, in units of that point's depth.
     axis, segment, line_isd
         (l,), (l, 4), (l,): axis-parallel segments; axis 0 horizontal, 1 vertical.
     """
@@ -49,6 +52,7 @@ class Observations:
     kind: IntArray
     observed: FloatArray
     inverse_sd: FloatArray
+    pivot: tuple[float, float]
     axis: IntArray = field(default_factory=lambda: np.zeros(0, np.intc))
     segment: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     line_isd: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -68,7 +72,7 @@ class Model:
         (n, 4): x is tied to the sum of two latents times their coefficients, y likewise;
         index -1 = none.
     tie_isd
-        (n, 2): 1/σ of those ties, in units of the plane at depth 1.
+        (n, 2): 1/σ of those ties, in units of the pivot's depth.
     latents
         Number of latent positions.
     size_scale
@@ -119,7 +123,7 @@ class Solution:
     parameters
         (m,): zeros (3), ln(f/f0), log sizes, latents.
     xy
-        (n, 2): button centres on the plane at depth 1.
+        (n, 2): button centres on the panel, from the pivot, in units of its depth.
     chi2
         (n,): squared whitened residuals.
     hessian
@@ -137,6 +141,18 @@ class Solution:
     converged: bool
 
 
+def depth_one(
+    seen: Observations, rotation: FloatArray, focal_scale: float = 1.0
+) -> tuple[FloatArray, float]:
+    """Offset (2,) and distance h of the panel as the plane z = 1 of the panel frame has it.
+
+    A panel point (x, y) is at ((x, y) + offset) / h there, a length l is l / h.
+    """
+    pivot = np.array([seen.pivot[0] / focal_scale, seen.pivot[1] / focal_scale, 1.0])
+    shift = rotation @ pivot
+    return shift[:2], float(shift[2])
+
+
 _POINTER = ctypes.c_void_p
 _DOUBLE = ctypes.c_double
 _INT = ctypes.c_int
@@ -145,6 +161,7 @@ _INT = ctypes.c_int
 class _Problem(ctypes.Structure):
     _fields_ = (
         *[(name, _INT) for name in ("buttons", "groups", "latents", "lines")],
+        ("pivot", _DOUBLE * 2),
         *[
             (name, _POINTER)
             for name in (
@@ -201,6 +218,7 @@ def _pack(
         len(model.square_isd),
         model.latents,
         len(seen.axis),
+        (_DOUBLE * 2)(*seen.pivot),
         _address(seen.kind, i),
         _address(seen.observed, d),
         _address(seen.inverse_sd, d),

@@ -10,7 +10,7 @@ import numpy as np
 
 from fronto.camera import Camera
 from fronto.errors import InputError
-from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Solution
+from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Solution, depth_one
 from fronto.pose.checks import boxes_px, check_outlines
 from fronto.pose.criteria import cos_norm
 from fronto.pose.observations import observations, undistorted
@@ -135,16 +135,19 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
         _pose(found.solutions[k], camera, found, verdict, std, covariance(found.solutions[k]))
         for k in verdict.rivals
     ]
-    if found.quarter_turned is not None:
-        turn = found.quarter_turned @ best.rotation.T
-        corners = np.roll(pose.plane_corners @ turn[:2, :2].T, _quarter(turn), axis=1)
-        others.append(replace(pose, rotation=found.quarter_turned, plane_corners=corners))
+    if found.other_roll is not None:
+        others.append(_turned(pose, found.other_roll))
     return replace(pose, alternatives=tuple(others))
 
 
-def _quarter(turn: FloatArray) -> int:
-    """How many places the corners move on when the panel's axes turn by this quarter."""
-    return 1 if turn[0, 1] < 0 else -1
+def _turned(pose: PanelPose, rotation: FloatArray) -> PanelPose:
+    """The same panel read with another roll: its squares of circles stay upright in it."""
+    turn = rotation @ pose.rotation.T
+    corners = pose.plane_corners
+    centers = corners.mean(axis=1, keepdims=True)
+    points = np.concatenate([centers, np.ones((*centers.shape[:2], 1))], axis=2) @ turn.T
+    corners = corners - centers + points[..., :2] / points[..., 2:]
+    return replace(pose, rotation=rotation, plane_corners=corners)
 
 
 def _pose(
@@ -161,7 +164,9 @@ def _pose(
     sizes = sizes[model.group]
     quads = seen.kind == QUAD
     sizes[~quads, 1] = sizes[~quads, 0]
-    corners = solution.xy[:, None] + sizes[:, None] * _SIGNS
+    focal_scale = float(np.exp(solution.parameters[FOCAL]))
+    offset, distance = depth_one(seen, solution.rotation, focal_scale)
+    corners = (solution.xy[:, None] + sizes[:, None] * _SIGNS + offset) / distance
     # Eight tangents carry twice the outline's deviation each (see observations).
     residual = std * np.sqrt(np.where(quads, solution.chi2 / 4, solution.chi2 / 2))
     focal_std, notes, aspect = 0.0, [], _aspect_std(solution, found)
@@ -169,7 +174,7 @@ def _pose(
         focal_std = float(np.sqrt(cov[FOCAL, FOCAL]))
         if not np.isfinite(focal_std):
             focal_std = camera.focal_std
-        focal_px = camera.focal_px * float(np.exp(solution.parameters[FOCAL]))
+        focal_px = camera.focal_px * focal_scale
         camera = camera.with_focal(focal_px, focal_std)
         if not focal_std <= FOCAL_OBSERVABLE:
             notes.append(
@@ -179,7 +184,7 @@ def _pose(
     depth = None
     if model.scale_latent >= 0:
         scale = solution.parameters[FIRST_GROUP + 2 * groups + model.scale_latent]
-        depth = 1e-3 / float(scale)
+        depth = 1e-3 * distance / float(scale)
     return PanelPose(
         status=verdict.status,
         reasons=verdict.reasons,

@@ -9,6 +9,7 @@ import numpy as np
 
 from fronto.camera import Camera
 from fronto.pose.bundle import ELLIPSE, QUAD, TANGENTS, Observations
+from fronto.pose.checks import boxes_px
 from fronto.shapes import FloatArray, LineSegment, Outline
 
 __all__ = ["observations", "undistorted"]
@@ -79,8 +80,10 @@ def observations(
         # centre comes out with the outline's deviation.
         inverse_sd[ellipses] = (focal / (std[ellipses] * np.sqrt(TANGENTS / 2)))[:, None]
 
+    middle = affine @ boxes_px(outlines).reshape(-1, 2).mean(axis=0) + shift
+    pivot = (float(middle[0]), float(middle[1]))
     if not lines:
-        return Observations(kind, observed, inverse_sd)
+        return Observations(kind, observed, inverse_sd, pivot)
     ends = np.array([line.ends_px for line in lines]).reshape(-1, 2)
     ends = (camera.undistort_points(ends) if camera.distorted else ends) @ affine.T + shift
     axis = [0 if line.axis == "horizontal" else 1 for line in lines]
@@ -89,6 +92,7 @@ def observations(
         kind,
         observed,
         inverse_sd,
+        pivot,
         np.array(axis, dtype=np.intc),
         np.ascontiguousarray(ends.reshape(-1, 4)),
         np.array(line_isd),

@@ -31,14 +31,17 @@ __all__ = ["Adjustment", "adjust"]
 SAME_RAD = np.radians(1.0)
 #: Typical χ² this much above its expectation: the stated deviations are too small.
 MISFIT = 2.0
-#: What a button on no row (or column) costs when ties are compared, in χ².
-UNTIED = 9.0
+#: What a button on no row (or column) costs when readings of the lattice are compared, in
+#: χ²: about as much as one that is on the wrong one.
+UNTIED = 30.0
 #: What one more size group has to gain, in χ² per button in it at the least.
 GROUP_GAIN = 10.0
 #: How upright cameras are held: deviation of the roll, where only circles are seen.
 UPRIGHT_RAD = np.radians(12.0)
 #: An explanation whose cost is within this of the best one cannot be excluded.
 RIVAL = 10.0
+#: Readings of the lattice closer than this are one.
+OTHER_ROLL_RAD = np.radians(10.0)
 #: Tilt of the starts in degrees, with the focal length known and unknown.
 TILT_KNOWN, TILT_UNKNOWN = 30.0, 40.0
 #: Coarse convergence (in χ²) is enough to tell optima apart.
@@ -67,16 +70,16 @@ class Adjustment:
     sigma_factor
         Residuals over the stated deviations where they are larger; `seen` is whitened
         with the larger ones already.
-    quarter_turned
-        For panels of circles only: the solution turned by 90° whose rows are about as
-        close to horizontal; None where the roll is clear.
+    other_roll
+        For panels of circles only: a rotation with another roll whose rows and columns
+        fit about as well; None where the roll is clear.
     """
 
     solutions: tuple[Solution, ...]
     model: Model
     seen: Observations
     sigma_factor: float = 1.0
-    quarter_turned: FloatArray | None = None
+    other_roll: FloatArray | None = None
 
 
 def adjust(
@@ -120,8 +123,8 @@ def adjust(
         _, model, found = _with_structure(seen, model, found, shared)
     else:
         factor = 1.0
-    quarter = _quarter_turned(found[0].rotation) if only_circles else None
-    return Adjustment(tuple(found), model, seen, float(factor), quarter)
+    other = _other_roll(found[0].rotation, tried) if only_circles else None
+    return Adjustment(tuple(found), model, seen, float(factor), other)
 
 
 def _with_structure(
@@ -241,8 +244,17 @@ def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution
     return beginnings
 
 
-def _quarter_turned(rotation: FloatArray) -> FloatArray | None:
-    """The other reading of a square lattice, where it is nearly as upright; else None."""
+def _other_roll(
+    rotation: FloatArray, tried: list[tuple[float, Model, list[Solution]]]
+) -> FloatArray | None:
+    """Another reading of the lattice that explains about as much, else None.
+
+    A square lattice turned by 90° fits exactly as well; only how upright it is decides.
+    """
+    for score, _, solutions in tried[1:]:
+        apart = angle_between(solutions[0].rotation, rotation)
+        if score - tried[0][0] < RIVAL and apart > OTHER_ROLL_RAD:
+            return solutions[0].rotation
     turned = [rotation_z(sign * np.pi / 2) @ rotation for sign in (-1.0, 1.0)]
     other = min(turned, key=lambda item: abs(_roll(item)))
     gain = (_roll(other) ** 2 - _roll(rotation) ** 2) / UPRIGHT_RAD**2

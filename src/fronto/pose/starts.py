@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.pose.bundle import ELLIPSE, FIRST_GROUP, QUAD, Model, Observations
+from fronto.pose.bundle import ELLIPSE, FIRST_GROUP, QUAD, Model, Observations, depth_one
 from fronto.pose.rotation import rotation_x, rotation_y, rotation_z
 from fronto.shapes import FloatArray
 
@@ -81,7 +81,7 @@ def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
     # Half a turn about the ray mirrors the normal; a half turn within the plane undoes
     # what it does to the roll.
     half_turn = 2 * np.outer(ray, ray) - np.eye(3)
-    return upright(seen, (rotation_z(np.pi) @ rotation @ half_turn)[None])[0]
+    return np.asarray(upright(seen, (rotation_z(np.pi) @ rotation @ half_turn)[None])[0])
 
 
 def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
@@ -98,7 +98,7 @@ def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
     down = (d - a + c - b).sum(axis=1)
     # A quarter turn back makes the vertical sides vote for the same direction.
     roll = np.arctan2(across[:, 1] - down[:, 0], across[:, 0] + down[:, 1])
-    return np.array([rotation_z(turn) for turn in roll]) @ rotations
+    return np.asarray(np.array([rotation_z(turn) for turn in roll]) @ rotations)
 
 
 def _on_plane(points: FloatArray, rotations: FloatArray) -> FloatArray:
@@ -121,8 +121,8 @@ def measured(
 
     Returns
     -------
-    Centres (k, n, 2) on the plane at depth 1 and logarithms of width and height
-    (k, n, 2); of a circle both are the diameter.
+    Centres (k, n, 2) on the panel, from the pivot, and logarithms of width and height
+    (k, n, 2); of a circle both are the diameter. In units of the pivot's depth.
     """
     count, n = len(rotations), len(seen.kind)
     xy, log_size = np.zeros((count, n, 2)), np.zeros((count, n, 2))
@@ -145,6 +145,10 @@ def measured(
         # Under a pure rotation area scales with 1 / depth³; the diameter with its root.
         diameter = np.log(2 * np.sqrt(reach.prod(axis=1))) - 1.5 * np.log(depth)
         log_size[:, round_] = diameter[..., None]
+    for k, rotation in enumerate(rotations):
+        offset, distance = depth_one(seen, rotation, focal_scale)
+        xy[k] = xy[k] * distance - offset
+        log_size[k] += np.log(max(distance, _FRONT))
     return xy, log_size
 
 

@@ -66,7 +66,7 @@ def chains(values: FloatArray, gap: float) -> npt.NDArray[np.intp]:
 
 
 def typical_width(model: Model, solution: Solution) -> float:
-    """Median width of the buttons on the plane at depth 1."""
+    """Median width of the buttons, in units of the pivot's depth."""
     widths = solution.parameters[FIRST_GROUP : FIRST_GROUP + 2 * len(model.square_isd) : 2]
     return float(np.exp(middle(widths[model.group])))
 

@@ -102,11 +102,11 @@ def match_template(template: Template, outlines: Sequence[Outline]) -> list[Temp
 def templated_model(
     model: Model, solution: Solution, matched: Sequence[TemplateButton | None]
 ) -> tuple[Model, FloatArray]:
-    """Tie each matched button to scale * (x_mm, y_mm) + offset on the plane at depth 1.
+    """Tie each matched button to scale * (x_mm, y_mm) + offset.
 
     Returns
     -------
-    The model, its last three latents being scale (1/mm) and offset, and their initial
+    The model, its last three latents being scale (pivot depths per mm) and offset, and their initial
     values (3,).
     """
     known = [k for k, button in enumerate(matched) if button is not None]

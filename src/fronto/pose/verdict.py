@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fronto.pose.bundle import FOCAL, Solution
+from fronto.pose.bundle import FOCAL, QUAD, Solution
 from fronto.pose.refine import RIVAL, Adjustment
 from fronto.pose.starts import middle
 from fronto.results import Status
@@ -19,13 +19,15 @@ from fronto.shapes import FloatArray
 __all__ = ["Verdict", "covariance", "judge", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
-OK_STD_RAD = np.radians(3.0)
+OK_STD_RAD = np.radians(2.5)
 #: Beyond this the outlines do not determine the rotation.
 DETERMINED_STD_RAD = np.radians(15.0)
 #: With outlines set aside on a small panel, setting aside others may explain as much: a
 #: second optimum is excluded only if it costs this much more.
 RIVAL_WITH_OUTLIERS = 40.0
 SMALL_PANEL = 4
+#: Cost above one per residual (eight a button) that shows a contradiction.
+RESIDUALS, CONFLICT = 8.0, 20.0
 #: Weight below which an outline counts as set aside.
 SET_ASIDE = 0.5
 #: Residuals larger than this share of the button's size: no flat panel fits.
@@ -84,7 +86,9 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
     n = len(best.chi2)
     weight = weights(adjustment, best)
     aside = int((weight < SET_ASIDE).sum())
-    small = n - aside <= SMALL_PANEL and aside > 0
+    # Something does not fit, be it an outline or a row: on a small panel that is much.
+    conflict = best.cost > RESIDUALS * n + CONFLICT
+    small = n - aside <= SMALL_PANEL and (aside > 0 or conflict)
     limit = RIVAL_WITH_OUTLIERS if small else RIVAL
     rivals = tuple(
         k for k, other in enumerate(adjustment.solutions[1:], 1) if other.cost - best.cost < limit
@@ -100,15 +104,16 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         reasons.append("one button only: its tilt to one side and to the other look alike")
     elif rivals:
         reasons.append("two poses fit about as well: tilted to one side or to the other")
-    if adjustment.quarter_turned is not None:
-        reasons.append("round buttons rolled by nearly 45°: rows and columns cannot be told apart")
+    if adjustment.other_roll is not None:
+        reasons.append("round buttons whose rows and columns cannot be told apart")
     if std > OK_STD_RAD:
         reasons.append(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
         )
-    if n > 1 and n - aside < 2:
-        reasons.append(f"{aside} of {n} outlines do not fit the others")
+    circles = not bool((adjustment.seen.kind == QUAD).any())
+    if n > 1 and (n - aside < 2 or (small and (n == 2 or circles))):
+        reasons.append("the outlines contradict each other and are too few to tell which is wrong")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
     if sigma_px > BAD_FIT * float(middle(size_px)):

@@ -63,7 +63,7 @@ class Layout:
 def hall_layout(
     rng: np.random.Generator, buttons: int | None = None, side_m: float | None = None
 ) -> Layout:
-    """A hall panel: 2-3 square buttons of 25-35 mm in a column.
+    """A hall panel: 2-3 square buttons of 25-35 mm in a column, 45-60 mm apart.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def hall_layout(
     """
     count = int(rng.integers(2, 4)) if buttons is None else buttons
     side = float(rng.uniform(0.025, 0.035)) if side_m is None else side_m
-    pitch = side * float(rng.uniform(1.3, 2.0))
+    pitch = float(max(rng.uniform(0.045, 0.060), 1.25 * side))
     names = [("up", "up"), ("down", "down"), ("keyhole", "")]
     return Layout(
         "hall",

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fronto.camera import Camera
+from fronto.errors import InputError
 from fronto.pose.rotation import rotation_from_angles
 from fronto.shapes import Ellipse, FloatArray, Outline
 from fronto.synth.layouts import Layout
@@ -98,6 +99,8 @@ def sample_scene(
     max_angle_deg: float = 40.0,
     distance_m: tuple[float, float] = (0.3, 0.8),
     min_side_px: float = 0.0,
+    spread: float = 1.0,
+    max_oblique_deg: float = 70.0,
 ) -> Scene:
     """Draw a panel and a view of it with every button inside the photo.
 
@@ -112,6 +115,12 @@ def sample_scene(
     min_side_px
         Views with a button side shorter than this are drawn again (the camera comes
         closer than `distance_m` where it has to).
+    spread
+        The panel's centre is uniform over this share of the photo's width and height:
+        1 = anywhere, 0 = always in the middle (which hides more of the perspective).
+    max_oblique_deg
+        Largest angle between the panel's normal and the ray to its centre: beyond it
+        buttons are slivers that nobody can outline.
     """
     while True:
         panel = layout(rng)
@@ -121,9 +130,9 @@ def sample_scene(
             side = min(min(b.width, b.height) for b in panel.buttons)
             distance = min(distance, camera.focal_px * side / min_side_px * rng.uniform(0.5, 1))
         size = np.array([camera.width_px, camera.height_px])
-        ray = camera.rays((size * rng.uniform(0.25, 0.75, 2) - 0.5)[None])[0]
+        ray = camera.rays((size * (0.5 + spread * rng.uniform(-0.5, 0.5, 2)) - 0.5)[None])[0]
         translation = rotation @ (distance * ray / np.linalg.norm(ray))
-        if translation[2] <= 0:
+        if translation[2] < distance * np.cos(np.radians(max_oblique_deg)):
             continue
         corners = _project(panel.corners, rotation, translation, camera)
         if not np.isfinite(corners).all() or (corners < 0).any() or (corners > size - 1).any():
@@ -134,6 +143,17 @@ def sample_scene(
         scene = Scene(panel, camera, rotation, translation, (), ())
         truth = tuple(_outline(k, corners, scene) for k in range(len(panel.buttons)))
         return replace(scene, truth=truth, outlines=truth)
+
+
+def _noisy_quad(rng: np.random.Generator, outline: Outline, sigma: float, std: float) -> Outline:
+    """Noise on every corner; draws that are no convex quadrilateral are drawn again."""
+    assert outline.corners_px is not None
+    while True:
+        corners = outline.corners_px + rng.normal(0, 1, (4, 2)) * sigma
+        try:
+            return replace(outline, corners_px=corners, std_px=std)
+        except InputError:
+            continue
 
 
 def _noisy_ellipse(rng: np.random.Generator, outline: Outline, sigma: float) -> Outline:
@@ -186,7 +206,7 @@ def _outlier(rng: np.random.Generator, outline: Outline) -> Outline:
             corners = corners + rng.normal(0, 0.15 * side, (4, 2))
         try:
             return replace(outline, corners_px=corners)
-        except ValueError:  # the draw is no convex quadrilateral; draw again
+        except InputError:  # the draw is no convex quadrilateral; draw again
             continue
 
 
@@ -210,8 +230,7 @@ def observe(
                 _noisy_ellipse(rng, outline, sigma_px) if sigma_px else replace(outline, std_px=std)
             )
         else:
-            corners = outline.corners_px + rng.normal(0, 1, (4, 2)) * sigma_px
-            noisy.append(replace(outline, corners_px=corners, std_px=std))
+            noisy.append(_noisy_quad(rng, outline, sigma_px, std))
     outlier = int(rng.integers(len(noisy))) if rng.uniform() < outlier_share else None
     if outlier is not None:
         noisy[outlier] = _outlier(rng, noisy[outlier])
