@@ -171,12 +171,39 @@ class RectifiedView:
 
 @dataclass(frozen=True, eq=False)
 class Button:
-    """One button of a result: where it is in the photo and in the rectified view."""
+    """One button of a result: where it is in the photo and in the rectified view.
+
+    Parameters
+    ----------
+    id
+        Its number, counted from 0 in the order of the outlines.
+    outline
+        Where it is in the photo, as it was given or found.
+    rectified_corners_px
+        Shape (4, 2): its corners in the rectified picture; None for an ellipse or
+        without a picture. NaN for a corner on or behind the panel's horizon.
+    rectified_center_px
+        Shape (2,): its centre there: where the rectified diagonals cross, or the rectified
+        ellipse's centre. None where its outline has no image there.
+    residual_px
+        Root mean square reprojection error of the outline; NaN from the grid solver.
+    weight
+        1 = fits the others, towards 0 = set aside.
+    rectified_ellipse_px
+        Its ellipse in the rectified picture; None for a quad, without a picture, or where
+        the outline reaches the panel's horizon.
+    label
+        What is printed on or beside it, "" where unknown.
+    label_confidence
+        0 to 1; None where nothing read it.
+    label_source
+        "button", "plate", or None where nothing read it.
+    """
 
     id: int
     outline: Outline
-    rectified_corners_px: FloatArray
-    rectified_center_px: FloatArray
+    rectified_corners_px: FloatArray | None
+    rectified_center_px: FloatArray | None
     residual_px: float
     weight: float
     rectified_ellipse_px: Ellipse | None = None
@@ -187,7 +214,27 @@ class Button:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Everything found out about one photo: the content of the result JSON."""
+    """Everything found out about one photo: the content of the result JSON.
+
+    Parameters
+    ----------
+    image
+        The photo's file name, "" for an array.
+    width_px, height_px
+        The photo's size, upright.
+    status, reasons
+        As of the pose.
+    pose
+        The pose, of any status.
+    buttons
+        One for each outline, in their order.
+    view
+        The rectified picture; None where there is no rotation to rectify with.
+    timing_ms
+        Wall time of each stage and in total, milliseconds.
+    notes
+        Remarks on the input that do not touch the status.
+    """
 
     image: str
     width_px: int
@@ -198,3 +245,10 @@ class Panel:
     buttons: tuple[Button, ...]
     view: RectifiedView | None = None
     timing_ms: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON (schema ``fronto.panel/1``), strictly valid: null for NaN."""
+        from fronto.panelfile import panel_to_dict
+
+        return panel_to_dict(self)

@@ -47,7 +47,6 @@ typedef struct {
     double tilt_isd;          /* on R[2][0], R[2][1]                                         */
     /* robustness: Cauchy scales, squared; a button's loss bends only above button_knee */
     double button_knee, button_c2, tie_c2, line_c2;
-    int hold_tilt; /* keep w[0] = w[1] = 0: the best cost at a given normal */
     int max_iterations;
     double tolerance;
 } Problem;

@@ -76,7 +76,7 @@ static int allocate(Workspace *w, int m, int buttons) {
 /* Parameters that no residual touches stay where they are: rows of zeros become unit rows. */
 static void hold_untouched(const Problem *p, double *normal, double *gradient, int *fixed, int m) {
     for (int k = 0; k < m; k++) {
-        fixed[k] = (k == 3 && p->focal_isd < 0) || (k < 2 && p->hold_tilt) || !(normal[(size_t)k * m + k] > 1e-9);
+        fixed[k] = (k == 3 && p->focal_isd < 0) || !(normal[(size_t)k * m + k] > 1e-9);
         if (!fixed[k]) continue;
         for (int q = 0; q < m; q++) normal[(size_t)k * m + q] = normal[(size_t)q * m + k] = 0.0;
         normal[(size_t)k * m + k] = 1.0;

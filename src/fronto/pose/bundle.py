@@ -17,7 +17,7 @@ import numpy.typing as npt
 from fronto.native import library
 from fronto.shapes import FloatArray
 
-__all__ = ["Model", "Observations", "Solution", "depth_one", "evaluate", "solve"]
+__all__ = ["Model", "Observations", "Solution", "back_project", "depth_one", "evaluate", "solve"]
 
 IntArray = npt.NDArray[np.intc]
 
@@ -56,6 +56,19 @@ class Observations:
     axis: IntArray = field(default_factory=lambda: np.zeros(0, np.intc))
     segment: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     line_isd: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @functools.cached_property
+    def addresses(self) -> tuple[int, ...]:
+        """Where the arrays are: kind, observed, inverse_sd, axis, segment, line_isd."""
+        d, i = np.float64, np.intc
+        return (
+            _address(self.kind, i),
+            _address(self.observed, d),
+            _address(self.inverse_sd, d),
+            _address(self.axis, i),
+            _address(self.segment, d),
+            _address(self.line_isd, d),
+        )
 
 
 @dataclass(frozen=True)
@@ -175,7 +188,6 @@ class _Problem(ctypes.Structure):
             (name, _DOUBLE)
             for name in ("focal_isd", "tilt_isd", "button_knee", "button_c2", "tie_c2", "line_c2")
         ],
-        ("hold_tilt", _INT),
         ("max_iterations", _INT),
         ("tolerance", _DOUBLE),
     )
@@ -192,14 +204,18 @@ class _Solution(ctypes.Structure):
 
 
 @functools.cache
-def _kernels() -> tuple[Any, Any]:
+def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     run, cost = kernels.fronto_bundle, kernels.fronto_bundle_cost
+    project = kernels.fronto_back_project
+    project.argtypes = [_INT, _POINTER, _POINTER, _POINTER, _INT, _POINTER, _DOUBLE]
+    project.argtypes += [_POINTER] * 3
+    project.restype = None
     run.argtypes = [ctypes.POINTER(_Problem), ctypes.POINTER(_Solution), _INT]
     run.restype = _INT
     cost.argtypes = [ctypes.POINTER(_Problem), _POINTER, _POINTER, _POINTER]
     cost.restype = _DOUBLE
-    return run, cost
+    return run, cost, project
 
 
 def _address(array: npt.NDArray[Any], dtype: type) -> int:
@@ -209,26 +225,25 @@ def _address(array: npt.NDArray[Any], dtype: type) -> int:
     return int(array.ctypes.data)
 
 
-def _pack(
-    seen: Observations, model: Model, iterations: int, tolerance: float, hold_tilt: bool = False
-) -> _Problem:
+def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -> _Problem:
     d, i = np.float64, np.intc
+    kind, observed, inverse_sd, axis, segment, line_isd = seen.addresses
     return _Problem(
         len(seen.kind),
         len(model.square_isd),
         model.latents,
         len(seen.axis),
         (_DOUBLE * 2)(*seen.pivot),
-        _address(seen.kind, i),
-        _address(seen.observed, d),
-        _address(seen.inverse_sd, d),
+        kind,
+        observed,
+        inverse_sd,
         _address(model.group, i),
         _address(model.tie_index, i),
         _address(model.tie_coef, d),
         _address(model.tie_isd, d),
-        _address(seen.axis, i),
-        _address(seen.segment, d),
-        _address(seen.line_isd, d),
+        axis,
+        segment,
+        line_isd,
         _address(model.square_isd, d),
         _address(model.size_scale, d),
         model.size_isd,
@@ -239,7 +254,6 @@ def _pack(
         model.button_c2,
         model.tie_c2,
         model.line_c2,
-        hold_tilt,
         iterations,
         tolerance,
     )
@@ -254,7 +268,6 @@ def solve(
     *,
     max_iterations: int = 60,
     tolerance: float = 1e-6,
-    hold_tilt: bool = False,
 ) -> list[Solution]:
     """Refine every start by Levenberg-Marquardt; see ``native/bundle_solve.c``.
 
@@ -288,7 +301,7 @@ def solve(
         item.rotation, item.globals, item.xy, item.chi2, item.hessian = [
             base + k * size for base, size in zip(bases, sizes, strict=True)
         ]
-    problem = _pack(seen, model, max_iterations, tolerance, hold_tilt)
+    problem = _pack(seen, model, max_iterations, tolerance)
     failed = _kernels()[0](ctypes.byref(problem), solutions, count)
     if failed == 1:
         raise MemoryError("bundle adjustment: not enough memory")
@@ -308,6 +321,43 @@ def solve(
         )
         for k, item in enumerate(solutions)
     ]
+
+
+def back_project(
+    seen: Observations, rotations: FloatArray, focal_scale: float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Back-project each outline by itself with each rotation; ``native/back_project.c``.
+
+    Parameters
+    ----------
+    rotations
+        (k, 3, 3).
+    focal_scale
+        True focal length over the one that the observations were normalised with.
+
+    Returns
+    -------
+    Centres (k, n, 2) on the panel, from the pivot, and logarithms of width and height
+    (k, n, 2; of a circle both are the diameter), in units of the pivot's depth; and the
+    summed direction (k, 2) of the quads' sides, which is along +x for an upright panel
+    and zero without quads.
+    """
+    rotations = np.ascontiguousarray(rotations, dtype=np.float64)
+    count, n = len(rotations), len(seen.kind)
+    xy, log_size = np.empty((count, n, 2)), np.empty((count, n, 2))
+    sides = np.empty((count, 2))
+    _kernels()[2](
+        n,
+        *seen.addresses[:2],
+        (_DOUBLE * 2)(*seen.pivot),
+        count,
+        rotations.ctypes.data,
+        focal_scale,
+        xy.ctypes.data,
+        log_size.ctypes.data,
+        sides.ctypes.data,
+    )
+    return xy, log_size, sides
 
 
 def evaluate(

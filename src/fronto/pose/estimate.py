@@ -126,14 +126,14 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     sigma_px = float(middle(std))
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
-    cov = covariance(best)
-    verdict = judge(found, cov[:3, :3], size_px, sigma_px)
+    cov = covariance(best, found.model)
+    verdict = judge(found, cov, size_px, sigma_px)
     if verdict.status == "degenerate":
         cov = np.full((4, 4), np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
     others = [
-        _pose(found.solutions[k], camera, found, verdict, std, covariance(found.solutions[k]))
-        for k in verdict.rivals
+        _pose(other, camera, found, verdict, std, covariance(other, found.model))
+        for other in (found.solutions[k] for k in verdict.rivals)
     ]
     if found.other_roll is not None:
         others.append(_turned(pose, found.other_roll))

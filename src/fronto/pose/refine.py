@@ -27,8 +27,8 @@ from fronto.shapes import FloatArray
 
 __all__ = ["Adjustment", "adjust"]
 
-#: Optima closer than this are one.
-SAME_RAD = np.radians(1.0)
+#: Optima closer than a degree are one: trace of R1ᵀ R2, 1 + 2 cos.
+SAME_TRACE = 1 + 2 * np.cos(np.radians(1.0))
 #: Typical χ² this much above its expectation: the stated deviations are too small.
 MISFIT = 2.0
 #: What a button on no row (or column) costs when readings of the lattice are compared, in
@@ -158,7 +158,10 @@ def _with_structure(
                 score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
             if best is None or score < best[0]:
                 best = (score, tied, solutions)
+            moved = (solutions[0].rotation * starts[0].rotation).sum() < SAME_TRACE
             starts = solutions
+            if not moved:  # rows and columns would be found again as they are
+                break
     return best or (np.inf, model, found)
 
 
@@ -204,8 +207,8 @@ def _distinct(solutions: list[Solution]) -> list[Solution]:
     """The finite optima, best first, without repetitions."""
     kept: list[Solution] = []
     for solution in sorted(solutions, key=lambda item: item.cost):
-        if np.isfinite(solution.cost) and all(
-            angle_between(solution.rotation, other.rotation) > SAME_RAD for other in kept
+        if solution.cost < np.inf and all(
+            (solution.rotation * other.rotation).sum() < SAME_TRACE for other in kept
         ):
             kept.append(solution)
     return kept

@@ -7,14 +7,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.pose.bundle import ELLIPSE, FIRST_GROUP, QUAD, Model, Observations, depth_one
-from fronto.pose.rotation import rotation_x, rotation_y, rotation_z
+from fronto.pose.bundle import (
+    ELLIPSE,
+    FIRST_GROUP,
+    QUAD,
+    Model,
+    Observations,
+    back_project,
+)
 from fronto.shapes import FloatArray
 
 __all__ = [
     "initial_parameters",
     "lattice_rolls",
-    "measured",
     "middle",
     "reflected",
     "starting_rotations",
@@ -41,31 +46,28 @@ def starting_rotations(seen: Observations, tilt_deg: float = 30.0) -> FloatArray
     points = _points(seen)
     angle = np.radians(tilt_deg) / np.sqrt(2)
     for _ in range(6):
-        rotations = np.array(
-            [rotation_x(a * angle) @ rotation_y(b * angle) for a in (1, -1) for b in (1, -1)]
-        )
+        s, c = np.sin(angle), np.cos(angle)
+        rotations = np.array([_tilt(a * s, c, b * s, c) for a in (1, -1) for b in (1, -1)])
         if (points @ rotations[:, 2].T).min() > _FRONT:
             break
         angle /= 2
     return upright(seen, rotations)
 
 
+def _tilt(sx: float, cx: float, sy: float, cy: float) -> list[list[float]]:
+    """R_x R_y from sines and cosines."""
+    return [[cy, 0.0, -sy], [sx * sy, cx, sx * cy], [cx * sy, -sx, cx * cy]]
+
+
 def _points(seen: Observations) -> FloatArray:
     """Rays (k, 3) of everything that must stay in front of the camera."""
     quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
-    points = quads
-    if len(quads) < 4 * len(seen.kind):
-        points = np.concatenate([quads, _ellipse_centers(seen)])
-    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
-
-
-def _ellipse_centers(seen: Observations) -> FloatArray:
     tangents = seen.observed[seen.kind == ELLIPSE].reshape(-1, 8, 3)
-    # Tangents at opposite anomalies have opposite normals: their mid-line goes through
-    # the centre. Two such pairs, a quarter turn apart, give it.
-    n0, n1 = tangents[:, 0, :2], tangents[:, 2, :2]
-    h = 0.5 * (tangents[:, [0, 2], 2] - tangents[:, [4, 6], 2])
-    return np.asarray(np.linalg.solve(np.stack([n0, n1], axis=1), h[:, :, None])[:, :, 0])
+    # Where an ellipse touches its tangents it lies on a box around its centre; the
+    # tangents' own feet are close enough to it.
+    feet = (tangents[..., :2] * tangents[..., 2:]).reshape(-1, 2)
+    points = np.concatenate([quads, feet])
+    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
 def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
@@ -75,13 +77,14 @@ def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
     same (Schweighofer & Pinz, "Robust pose estimation from a planar target", 2006), so
     this is where a second optimum is, if there is one.
     """
-    points = _points(seen)
-    ray = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
-    ray /= np.linalg.norm(ray)
+    ray = np.array([seen.pivot[0], seen.pivot[1], 1.0])
+    ray /= np.sqrt(ray @ ray)
     # Half a turn about the ray mirrors the normal; a half turn within the plane undoes
     # what it does to the roll.
-    half_turn = 2 * np.outer(ray, ray) - np.eye(3)
-    return np.asarray(upright(seen, (rotation_z(np.pi) @ rotation @ half_turn)[None])[0])
+    half_turn = 2 * ray[:, None] * ray - np.eye(3)
+    rotation = rotation @ half_turn
+    rotation[:2] *= -1
+    return np.asarray(upright(seen, rotation[None])[0])
 
 
 def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
@@ -89,74 +92,20 @@ def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
 
     Without quads they come back as they are.
     """
-    quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
-    if not len(quads):
+    sides = back_project(seen, rotations)[2]
+    length = np.sqrt((sides**2).sum(axis=1))
+    if not length.all():
         return rotations
-    plane = _on_plane(quads, rotations)
-    a, b, c, d = (plane[:, k::4] for k in range(4))
-    across = (b - a + c - d).sum(axis=1)
-    down = (d - a + c - b).sum(axis=1)
-    # A quarter turn back makes the vertical sides vote for the same direction.
-    roll = np.arctan2(across[:, 1] - down[:, 0], across[:, 0] + down[:, 1])
-    return np.asarray(np.array([rotation_z(turn) for turn in roll]) @ rotations)
-
-
-def _on_plane(points: FloatArray, rotations: FloatArray) -> FloatArray:
-    """Normalised points (n, 2) on the plane at depth 1 of each rotation, (k, n, 2)."""
-    plane = points @ rotations[:, :, :2].transpose(0, 2, 1) + rotations[:, None, :, 2]
-    return np.asarray(plane[..., :2] / np.maximum(plane[..., 2:], _FRONT))
-
-
-def measured(
-    seen: Observations, rotations: FloatArray, focal_scale: float = 1.0
-) -> tuple[FloatArray, FloatArray]:
-    """Back-project each outline by itself with each rotation.
-
-    Parameters
-    ----------
-    rotations
-        (k, 3, 3).
-    focal_scale
-        True focal length over the one that the observations were normalised with.
-
-    Returns
-    -------
-    Centres (k, n, 2) on the panel, from the pivot, and logarithms of width and height
-    (k, n, 2); of a circle both are the diameter. In units of the pivot's depth.
-    """
-    count, n = len(rotations), len(seen.kind)
-    xy, log_size = np.zeros((count, n, 2)), np.zeros((count, n, 2))
-    quads, round_ = seen.kind == QUAD, seen.kind == ELLIPSE
-    if quads.any():
-        corners = seen.observed[quads, :8].reshape(-1, 2) / focal_scale
-        plane = _on_plane(corners, rotations)
-        a, b, c, d = (plane[:, k::4] for k in range(4))
-        xy[:, quads] = 0.25 * (a + b + c + d)
-        across, down = b - a + c - d, d - a + c - b
-        log_size[:, quads, 0] = np.log(0.5 * np.hypot(across[..., 0], across[..., 1]) + 1e-9)
-        log_size[:, quads, 1] = np.log(0.5 * np.hypot(down[..., 0], down[..., 1]) + 1e-9)
-    if round_.any():
-        centers = _ellipse_centers(seen) / focal_scale
-        tangents = seen.observed[round_].reshape(-1, 8, 3)
-        reach = 0.5 * (tangents[:, [0, 2], 2] + tangents[:, [4, 6], 2]) / focal_scale
-        plane = centers @ rotations[:, :, :2].transpose(0, 2, 1) + rotations[:, None, :, 2]
-        depth = np.maximum(plane[..., 2], _FRONT)
-        xy[:, round_] = plane[..., :2] / depth[..., None]
-        # Under a pure rotation area scales with 1 / depth³; the diameter with its root.
-        diameter = np.log(2 * np.sqrt(reach.prod(axis=1))) - 1.5 * np.log(depth)
-        log_size[:, round_] = diameter[..., None]
-    for k, rotation in enumerate(rotations):
-        offset, distance = depth_one(seen, rotation, focal_scale)
-        xy[k] = xy[k] * distance - offset
-        log_size[k] += np.log(max(distance, _FRONT))
-    return xy, log_size
+    c, s = (sides / length[:, None]).T[:, :, None]
+    row0, row1 = rotations[:, 0], rotations[:, 1]
+    return np.stack([c * row0 + s * row1, c * row1 - s * row0, rotations[:, 2]], axis=1)
 
 
 def initial_parameters(
     seen: Observations, model: Model, rotations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Starting parameters (k, m) and centres (k, n, 2) for each rotation (k, 3, 3)."""
-    xy, log_size = measured(seen, rotations)
+    xy, log_size, _ = back_project(seen, rotations)
     parameters = np.zeros((len(rotations), model.size))
     for group in range(len(model.square_isd)):
         at = FIRST_GROUP + 2 * group

@@ -8,8 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.pose.bundle import FIRST_GROUP, MAX_GLOBALS, QUAD, Model, Observations, Solution
-from fronto.pose.starts import measured, middle
+from fronto.pose.bundle import (
+    FIRST_GROUP,
+    FOCAL,
+    MAX_GLOBALS,
+    QUAD,
+    Model,
+    Observations,
+    Solution,
+    back_project,
+)
+from fronto.pose.starts import middle
 from fronto.shapes import FloatArray
 
 __all__ = ["base_model", "chains", "numbered", "size_groups", "tied_model"]
@@ -58,10 +67,10 @@ def base_model(
 
 def chains(values: FloatArray, gap: float) -> npt.NDArray[np.intp]:
     """Label values (n,) so that sorted neighbours closer than `gap` share a label."""
-    order = np.argsort(values, kind="stable")
-    labels = np.empty(len(values), dtype=np.intp)
-    labels[order[0]] = 0
-    labels[order[1:]] = np.cumsum(np.diff(values[order]) > gap)
+    order = values.argsort(kind="stable")
+    ordered = values[order]
+    labels = np.zeros(len(values), dtype=np.intp)
+    labels[order[1:]] = (ordered[1:] - ordered[:-1] > gap).cumsum()
     return labels
 
 
@@ -99,8 +108,8 @@ def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDA
     Wide OPEN and CLOSE buttons beside square floor buttons are two groups; one shared
     size would bend the pose.
     """
-    scale = np.exp(solution.parameters[3])
-    _, log_size = measured(seen, solution.rotation[None], scale)
+    scale = float(np.exp(solution.parameters[FOCAL]))
+    _, log_size, _ = back_project(seen, solution.rotation[None], scale)
     sizes = log_size[0]
     # A corner's deviation over the size is the logarithm's; tangents carry twice theirs.
     reach = np.exp(sizes.mean(axis=1))

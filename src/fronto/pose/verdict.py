@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fronto.pose.bundle import FOCAL, QUAD, Solution
+from fronto.pose.bundle import FOCAL, QUAD, Model, Solution
 from fronto.pose.refine import RIVAL, Adjustment
 from fronto.pose.starts import middle
 from fronto.results import Status
@@ -20,6 +20,8 @@ __all__ = ["Verdict", "covariance", "judge", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
+#: The same with the focal length unknown: the angles are less sure than the picture is.
+OK_STD_UNKNOWN_FOCAL_RAD = np.radians(6.0)
 #: Beyond this the outlines do not determine the rotation.
 DETERMINED_STD_RAD = np.radians(15.0)
 #: With outlines set aside on a small panel, setting aside others may explain as much: a
@@ -53,7 +55,7 @@ def weights(adjustment: Adjustment, solution: Solution) -> FloatArray:
     return np.asarray(1.0 / (1.0 + excess / model.button_c2))
 
 
-def covariance(solution: Solution) -> FloatArray:
+def covariance(solution: Solution, model: Model) -> FloatArray:
     """Covariance (4, 4) of w (R·exp([w]x), radians) and ln f; NaN where not determined.
 
     Inverse of the robustly weighted JᵀJ with everything else eliminated (Triggs et al.
@@ -65,9 +67,26 @@ def covariance(solution: Solution) -> FloatArray:
     except np.linalg.LinAlgError:
         return np.full((4, 4), np.nan)
     block = inverse[: FOCAL + 1, : FOCAL + 1]
-    if not (np.isfinite(block).all() and (np.diag(block) > 0).all()):
+    if model.focal_isd < 0:
+        block[FOCAL] = block[:, FOCAL] = 0.0
+    if not (np.isfinite(block).all() and (np.diag(block)[:FOCAL] > 0).all()):
         return np.full((4, 4), np.nan)
     return np.asarray(0.5 * (block + block.T))
+
+
+def rotation_std(solution: Solution, cov: FloatArray) -> tuple[float, float]:
+    """Largest deviation of the rotation about any axis, radians: as it is, and at a given f.
+
+    An unknown focal length and the tilt trade off along poses that rectify alike.
+    """
+    if not np.isfinite(cov).all():
+        return np.inf, np.inf
+    std = float(np.sqrt(max(np.linalg.eigvalsh(cov[:3, :3])[-1], 0.0)))
+    if cov[FOCAL, FOCAL] == 0:
+        return std, std
+    # Conditioning a Gaussian on its last variable.
+    given = cov[:3, :3] - np.outer(cov[:3, FOCAL], cov[:3, FOCAL]) / cov[FOCAL, FOCAL]
+    return std, float(np.sqrt(max(np.linalg.eigvalsh(given)[-1], 0.0)))
 
 
 def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px: float) -> Verdict:
@@ -76,7 +95,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
     Parameters
     ----------
     cov
-        (3, 3): covariance of its rotation.
+        (4, 4): its covariance, see `covariance`.
     size_px
         (n,): size of each button in the photo.
     sigma_px
@@ -93,10 +112,8 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
     rivals = tuple(
         k for k, other in enumerate(adjustment.solutions[1:], 1) if other.cost - best.cost < limit
     )
-    if not np.isfinite(cov).all():
-        return Verdict("degenerate", (_undetermined(n),), rivals)
-    std = float(np.sqrt(max(np.linalg.eigvalsh(cov)[-1], 0.0)))
-    if std > DETERMINED_STD_RAD:
+    std, std_given_focal = rotation_std(best, cov)
+    if not std < DETERMINED_STD_RAD:
         return Verdict("degenerate", (_undetermined(n),), rivals)
 
     reasons = []
@@ -106,7 +123,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         reasons.append("two poses fit about as well: tilted to one side or to the other")
     if adjustment.other_roll is not None:
         reasons.append("round buttons whose rows and columns cannot be told apart")
-    if std > OK_STD_RAD:
+    if std_given_focal > OK_STD_RAD or std > OK_STD_UNKNOWN_FOCAL_RAD:
         reasons.append(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
