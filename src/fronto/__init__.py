@@ -1,12 +1,19 @@
 """A head-on view of any elevator button panel, from one photo."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from fronto._version import __version__
-from fronto.camera import Camera
 from fronto.errors import FrontoError, InputError
-from fronto.pose import Template, TemplateButton, estimate_pose
-from fronto.results import Button, Panel, PanelPose, RectifiedView
-from fronto.shapes import Ellipse, LineSegment, Outline, order_corners
-from fronto.warp import map_box, map_ellipse, map_points, warp_panel
+
+if TYPE_CHECKING:
+    from fronto.camera import Camera
+    from fronto.pipeline import rectify_outlines
+    from fronto.pose import Template, TemplateButton, estimate_pose
+    from fronto.results import Button, Panel, PanelPose, RectifiedView
+    from fronto.shapes import Ellipse, LineSegment, Outline, order_corners
+    from fronto.warp import map_box, map_ellipse, map_points, warp_panel
 
 __all__ = [
     "Button",
@@ -27,5 +34,32 @@ __all__ = [
     "map_ellipse",
     "map_points",
     "order_corners",
+    "rectify_outlines",
     "warp_panel",
 ]
+
+#: Where each public name lives: loaded on first use (PEP 562), so that ``fronto --help``
+#: does not wait for NumPy.
+_HOMES = {
+    "fronto.camera": ("Camera",),
+    "fronto.pipeline": ("rectify_outlines",),
+    "fronto.pose": ("Template", "TemplateButton", "estimate_pose"),
+    "fronto.results": ("Button", "Panel", "PanelPose", "RectifiedView"),
+    "fronto.shapes": ("Ellipse", "LineSegment", "Outline", "order_corners"),
+    "fronto.warp": ("map_box", "map_ellipse", "map_points", "warp_panel"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(home), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -156,7 +156,7 @@ def _pixels(image: Image.Image, thing: str) -> npt.NDArray[Any]:
     if image.mode in GREY_16 or image.mode in WIDE:
         grey = np.asarray(image)
         if image.mode in WIDE and not (
-            image.mode == "I" and 0 <= int(grey.min()) and int(grey.max()) <= 65535
+            image.mode == "I" and int(grey.min()) >= 0 and int(grey.max()) <= 65535
         ):
             raise InputError(
                 thing,

@@ -165,7 +165,7 @@ class RectifiedView:
 
     @property
     def homography_domain(self) -> str:
-        """ "source", or "undistorted" for a camera with lens distortion."""
+        """Either "source", or "undistorted" for a camera with lens distortion."""
         return "undistorted" if self.camera.distorted else "source"
 
 

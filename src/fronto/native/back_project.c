@@ -24,17 +24,38 @@ static void ellipse_center(const double *t, double *center, double *reach) {
     *reach = 0.5 * sqrt((t[2] + t[14]) * (t[8] + t[20]));
 }
 
+/* Turns R within the plane so that the mean direction of the quads' sides is upright. */
+static void turn_upright(int n, const int *kind, const double *observed, double s, double *R) {
+    double x = 0.0, y = 0.0;
+    for (int i = 0; i < n; i++) {
+        const double *o = observed + (long)i * OBSERVATION;
+        double c[4][2];
+        if (kind[i] != QUAD) continue;
+        for (int q = 0; q < 4; q++) on_plane(R, o[2 * q] / s, o[2 * q + 1] / s, c[q]);
+        /* a quarter turn back makes the vertical sides vote for the same direction */
+        x += (c[1][0] - c[0][0] + c[2][0] - c[3][0]) + (c[3][1] - c[0][1] + c[2][1] - c[1][1]);
+        y += (c[1][1] - c[0][1] + c[2][1] - c[3][1]) - (c[3][0] - c[0][0] + c[2][0] - c[1][0]);
+    }
+    const double length = sqrt(x * x + y * y);
+    if (!(length > 0)) return;
+    for (int q = 0; q < 3; q++) {
+        const double row0 = R[q], row1 = R[3 + q];
+        R[q] = (x * row0 + y * row1) / length;
+        R[3 + q] = (x * row1 - y * row0) / length;
+    }
+}
+
 /* For each of `count` rotations: centres xy (n,2), log sizes (n,2; of circles both the
- * diameter), in units of the pivot's depth and from the pivot, and the sum of the quads'
- * sides (2) as it would be along x for an upright panel. s: true focal length over K's. */
+ * diameter), in units of the pivot's depth and from the pivot. Rotations from `keep` on
+ * are turned upright first, in place. s: true focal length over K's. */
 FRONTO_API void fronto_back_project(int n, const int *kind, const double *observed,
-                                    const double *pivot, int count, const double *rotations,
-                                    double s, double *xy, double *log_size, double *sides) {
+                                    const double *pivot, int count, int keep, double *rotations,
+                                    double s, double *xy, double *log_size) {
     for (int k = 0; k < count; k++) {
+        if (k >= keep) turn_upright(n, kind, observed, s, rotations + 9 * k);
         const double *R = rotations + 9 * k, p0 = pivot[0] / s, p1 = pivot[1] / s;
         const double shift[2] = {R[0] * p0 + R[1] * p1 + R[2], R[3] * p0 + R[4] * p1 + R[5]};
         const double h = R[6] * p0 + R[7] * p1 + R[8], unit = h > FRONT ? h : FRONT;
-        sides[2 * k] = sides[2 * k + 1] = 0.0;
         for (int i = 0; i < n; i++) {
             const double *o = observed + (long)i * OBSERVATION;
             double *center = xy + 2 * ((long)k * n + i), *size = log_size + 2 * ((long)k * n + i);
@@ -49,9 +70,6 @@ FRONTO_API void fronto_back_project(int n, const int *kind, const double *observ
                     center[q] = 0.25 * (c[0][q] + c[1][q] + c[2][q] + c[3][q]) * unit - shift[q];
                 size[0] = log(0.5 * unit * sqrt(ax * ax + ay * ay) + 1e-12);
                 size[1] = log(0.5 * unit * sqrt(dx * dx + dy * dy) + 1e-12);
-                /* a quarter turn back makes the vertical sides vote for the same direction */
-                sides[2 * k] += ax + dy;
-                sides[2 * k + 1] += ay - dx;
             } else {
                 double c[2], reach;
                 ellipse_center(o, c, &reach);

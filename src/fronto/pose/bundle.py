@@ -178,9 +178,19 @@ class _Problem(ctypes.Structure):
         *[
             (name, _POINTER)
             for name in (
-                "kind observed inverse_sd group tie_index tie_coef tie_isd axis segment line_isd "
-                "square_isd size_scale"
-            ).split()
+                "kind",
+                "observed",
+                "inverse_sd",
+                "group",
+                "tie_index",
+                "tie_coef",
+                "tie_isd",
+                "axis",
+                "segment",
+                "line_isd",
+                "square_isd",
+                "size_scale",
+            )
         ],
         ("size_isd", _DOUBLE),
         ("scale_latent", _INT),
@@ -208,8 +218,8 @@ def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     run, cost = kernels.fronto_bundle, kernels.fronto_bundle_cost
     project = kernels.fronto_back_project
-    project.argtypes = [_INT, _POINTER, _POINTER, _POINTER, _INT, _POINTER, _DOUBLE]
-    project.argtypes += [_POINTER] * 3
+    project.argtypes = [_INT, _POINTER, _POINTER, _POINTER, _INT, _INT, _POINTER, _DOUBLE]
+    project.argtypes += [_POINTER] * 2
     project.restype = None
     run.argtypes = [ctypes.POINTER(_Problem), ctypes.POINTER(_Solution), _INT]
     run.restype = _INT
@@ -324,7 +334,7 @@ def solve(
 
 
 def back_project(
-    seen: Observations, rotations: FloatArray, focal_scale: float = 1.0
+    seen: Observations, rotations: FloatArray, focal_scale: float = 1.0, keep: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Back-project each outline by itself with each rotation; ``native/back_project.c``.
 
@@ -334,30 +344,31 @@ def back_project(
         (k, 3, 3).
     focal_scale
         True focal length over the one that the observations were normalised with.
+    keep
+        Rotations from this one on are first turned within the plane so that the quads'
+        sides are upright; None leaves all as they are.
 
     Returns
     -------
     Centres (k, n, 2) on the panel, from the pivot, and logarithms of width and height
     (k, n, 2; of a circle both are the diameter), in units of the pivot's depth; and the
-    summed direction (k, 2) of the quads' sides, which is along +x for an upright panel
-    and zero without quads.
+    rotations (k, 3, 3).
     """
-    rotations = np.ascontiguousarray(rotations, dtype=np.float64)
+    rotations = np.array(rotations, dtype=np.float64, order="C")
     count, n = len(rotations), len(seen.kind)
     xy, log_size = np.empty((count, n, 2)), np.empty((count, n, 2))
-    sides = np.empty((count, 2))
     _kernels()[2](
         n,
         *seen.addresses[:2],
         (_DOUBLE * 2)(*seen.pivot),
         count,
+        count if keep is None else keep,
         rotations.ctypes.data,
         focal_scale,
         xy.ctypes.data,
         log_size.ctypes.data,
-        sides.ctypes.data,
     )
-    return xy, log_size, sides
+    return xy, log_size, rotations
 
 
 def evaluate(

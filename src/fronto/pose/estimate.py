@@ -175,11 +175,14 @@ def _pose(
         if not np.isfinite(focal_std):
             focal_std = camera.focal_std
         focal_px = camera.focal_px * focal_scale
-        camera = camera.with_focal(focal_px, focal_std)
+        # Estimated only where the panel told more than was known before.
+        told = focal_std <= min(FOCAL_OBSERVABLE, 0.5 * camera.focal_std)
+        source = "estimated" if told else camera.source
+        camera = camera.with_focal(focal_px, focal_std, source)
         if not focal_std <= FOCAL_OBSERVABLE:
             notes.append(
                 f"focal length not observable from this panel, assumed {focal_px:.0f} px"
-                + ("" if aspect is None else f": the aspect may be off by {100 * aspect:.0f} %")
+                + (f": the aspect may be off by {100 * aspect:.0f} %" if aspect else "")
             )
     depth = None
     if model.scale_latent >= 0:

@@ -105,7 +105,7 @@ def adjust(
     """
     model = base_model(seen, numbered(seen.kind), square, focal_isd)
     rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
-    parameters, xy = initial_parameters(seen, model, rotations)
+    rotations, parameters, xy = initial_parameters(seen, model, rotations)
     found = _distinct(solve(seen, model, rotations, parameters, xy, tolerance=COARSE))
     if not found:
         return Adjustment((), model, seen)
@@ -189,7 +189,7 @@ def _solve_tied(
     latents: FloatArray | None,
 ) -> list[Solution]:
     rotations = np.array([start.rotation for start in starts] + [mirror])
-    parameters, xy = initial_parameters(seen, model, rotations)
+    rotations, parameters, xy = initial_parameters(seen, model, rotations, keep=len(starts))
     for k, start in enumerate(starts):
         xy[k] = start.xy
         parameters[k, FOCAL] = start.parameters[FOCAL]

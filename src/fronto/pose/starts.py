@@ -23,7 +23,6 @@ __all__ = [
     "middle",
     "reflected",
     "starting_rotations",
-    "upright",
 ]
 
 #: Below this third coordinate a start sees the panel edge-on or from behind.
@@ -37,11 +36,9 @@ def middle(values: npt.NDArray[Any], axis: int = 0) -> npt.NDArray[Any]:
 
 
 def starting_rotations(seen: Observations, tilt_deg: float = 30.0) -> FloatArray:
-    """Four rotations tilted by `tilt_deg` along the diagonals, rolled upright, (4, 3, 3).
+    """Four rotations tilted by `tilt_deg` along the diagonals, (4, 3, 3).
 
-    The roll of each comes from the mean direction of the quads' sides after the tilt; it
-    is zero where there are only ellipses. Tilts that would put part of the panel behind
-    the camera are halved until none does.
+    Tilts that would put part of the panel behind the camera are halved until none does.
     """
     points = _points(seen)
     angle = np.radians(tilt_deg) / np.sqrt(2)
@@ -51,7 +48,7 @@ def starting_rotations(seen: Observations, tilt_deg: float = 30.0) -> FloatArray
         if (points @ rotations[:, 2].T).min() > _FRONT:
             break
         angle /= 2
-    return upright(seen, rotations)
+    return rotations
 
 
 def _tilt(sx: float, cx: float, sy: float, cy: float) -> list[list[float]]:
@@ -80,38 +77,31 @@ def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
     ray = np.array([seen.pivot[0], seen.pivot[1], 1.0])
     ray /= np.sqrt(ray @ ray)
     # Half a turn about the ray mirrors the normal; a half turn within the plane undoes
-    # what it does to the roll.
+    # about what it does to the roll.
     half_turn = 2 * ray[:, None] * ray - np.eye(3)
     rotation = rotation @ half_turn
     rotation[:2] *= -1
-    return np.asarray(upright(seen, rotation[None])[0])
-
-
-def upright(seen: Observations, rotations: FloatArray) -> FloatArray:
-    """Turn rotations (k, 3, 3) within the plane so that the quads' sides are upright.
-
-    Without quads they come back as they are.
-    """
-    sides = back_project(seen, rotations)[2]
-    length = np.sqrt((sides**2).sum(axis=1))
-    if not length.all():
-        return rotations
-    c, s = (sides / length[:, None]).T[:, :, None]
-    row0, row1 = rotations[:, 0], rotations[:, 1]
-    return np.stack([c * row0 + s * row1, c * row1 - s * row0, rotations[:, 2]], axis=1)
+    return np.asarray(rotation)
 
 
 def initial_parameters(
-    seen: Observations, model: Model, rotations: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Starting parameters (k, m) and centres (k, n, 2) for each rotation (k, 3, 3)."""
-    xy, log_size, _ = back_project(seen, rotations)
+    seen: Observations, model: Model, rotations: FloatArray, keep: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Starting rotations (k, 3, 3), parameters (k, m) and centres (k, n, 2).
+
+    Parameters
+    ----------
+    rotations
+        (k, 3, 3); from number `keep` on they are rolled so that the quads' sides are
+        upright.
+    """
+    xy, log_size, rotations = back_project(seen, rotations, keep=keep)
     parameters = np.zeros((len(rotations), model.size))
     for group in range(len(model.square_isd)):
         at = FIRST_GROUP + 2 * group
         members = log_size[:, model.group == group]
         parameters[:, at : at + 2] = middle(members, axis=1)
-    return parameters, xy
+    return rotations, parameters, xy
 
 
 def lattice_rolls(centers: FloatArray, width: float, most: int = 2) -> list[float]:
@@ -148,8 +138,8 @@ def lattice_rolls(centers: FloatArray, width: float, most: int = 2) -> list[floa
     peaks: list[float] = []
     for k in np.argsort(-votes, kind="stable"):
         apart = [abs(np.angle(np.exp(4j * (turns[k] - peak)))) / 4 for peak in peaks]
-        if all(a > np.radians(12.0) for a in apart):
-            near_peak = np.abs(miss[k]) < 2 * spread
+        near_peak = np.abs(miss[k]) < 2 * spread
+        if near_peak.any() and all(a > np.radians(12.0) for a in apart):
             weight = np.exp(-0.5 * (miss[k] / spread) ** 2) * near_peak
             peaks.append(float(turns[k] - (weight * miss[k]).sum() / weight.sum()))
         if len(peaks) == most:

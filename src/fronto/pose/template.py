@@ -106,8 +106,8 @@ def templated_model(
 
     Returns
     -------
-    The model, its last three latents being scale (pivot depths per mm) and offset, and their initial
-    values (3,).
+    The model, its last three latents being scale (pivot depths per mm) and offset, and
+    their initial values (3,).
     """
     known = [k for k, button in enumerate(matched) if button is not None]
     mm = np.array([(b.x_mm, b.y_mm) for b in matched if b is not None])

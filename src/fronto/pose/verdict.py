@@ -117,7 +117,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         return Verdict("degenerate", (_undetermined(n),), rivals)
 
     reasons = []
-    if n == 1:
+    if n == 1 and not len(adjustment.seen.axis):
         reasons.append("one button only: its tilt to one side and to the other look alike")
     elif rivals:
         reasons.append("two poses fit about as well: tilted to one side or to the other")
@@ -135,7 +135,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
     if sigma_px > BAD_FIT * float(middle(size_px)):
         reasons.append(
-            f"the outlines miss the flat panel by {sigma_px:.1f} px: not one plane, or wrong outlines"
+            f"the outlines miss a flat panel by {sigma_px:.1f} px: wrong outlines, or no plane"
         )
     if abs(np.arctan2(best.rotation[0, 1], best.rotation[0, 0])) > ROLLED_RAD:
         reasons.append(

@@ -46,8 +46,8 @@ class Look:
     button: Color = (212, 214, 217)
     ink: Color = (38, 40, 46)
     lit: Color = (255, 122, 30)
-    brushed: float = 0.05
-    grain: float = 0.02
+    brushed: float = 0.025
+    grain: float = 0.012
     relief: float = 0.30
     shadow: float = 0.45
     light: float = 0.35

@@ -54,7 +54,8 @@ def warp_panel(
         The photo: shape (h, w), (h, w, 1), (h, w, 3) or (h, w, 4), uint8, uint16 or
         float32, channels in any order, alpha last.
     camera
-        The camera, at the photo's size.
+        The camera, at the photo's size. Where its focal length is not known
+        (`focal_std` > 0), the one that the pose was solved with is used.
     pose
         The pose; its `plane_corners` say where the panel is.
     crop
@@ -93,6 +94,7 @@ def warp_panel(
         If the image is of another size than the camera's, or of no supported type;
         if the pose has no usable rotation; if an argument is out of range.
     """
+    camera = _focal_of_pose(camera, pose)
     pixels = _check_image(image, camera)
     _check_arguments(crop, margin, scale, max_pixels, resampling)
     canvas = plan_canvas(
@@ -112,6 +114,25 @@ def warp_panel(
         camera=camera,
         crop=crop if has_buttons or crop != "panel" else "full",
         scale=canvas.scale,
+    )
+
+
+def _focal_of_pose(camera: Camera, pose: PanelPose) -> Camera:
+    """The camera with the focal length that the rotation belongs to.
+
+    A rotation solved with one focal length and drawn with another gives a plausible
+    skewed picture, so a contradiction is an error.
+    """
+    solved = pose.camera.focal_px * camera.width_px / pose.camera.width_px
+    if abs(camera.focal_px / solved - 1.0) < 1e-3:
+        return camera
+    if camera.focal_std > 0:
+        return camera.with_focal(solved, pose.camera.focal_std, source=pose.camera.source)
+    raise InputError(
+        "camera",
+        f"expected the focal length that the pose was solved with ({solved:.1f} px at this "
+        f"size), got {camera.focal_px:.1f} px",
+        "pass pose.camera, or estimate the pose with this camera",
     )
 
 

@@ -1,0 +1,230 @@
+"""A result as JSON (schema ``fronto.panel/1``, docs/result.md) and as files."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.errors import InputError
+from fronto.files import json_bytes, write_bytes
+from fronto.results import SCHEMA, Button, Panel, PanelPose
+from fronto.shapes import Ellipse
+
+__all__ = ["PanelFiles", "output_names", "panel_to_dict", "panel_to_json", "write_panel"]
+
+#: With these a pose has a rotation worth stating.
+DETERMINED = ("ok", "uncertain")
+
+
+@dataclass(frozen=True)
+class PanelFiles:
+    """The files of one result; `rectified` is None where there is no head-on picture."""
+
+    json: Path
+    overlay: Path
+    rectified: Path | None
+
+
+def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, Any]:
+    """Plain values of a result, the contract of docs/result.md.
+
+    Parameters
+    ----------
+    panel
+        The result.
+    rectified_file
+        Name of the file with the rectified picture, where there is one.
+
+    Returns
+    -------
+    Lists, dicts, strings, numbers, booleans and None only; None for NaN and infinity.
+    """
+    view = panel.view
+    values: dict[str, Any] = {
+        "schema": SCHEMA,
+        "image": panel.image,
+        "width_px": panel.width_px,
+        "height_px": panel.height_px,
+        "status": panel.status,
+        "reasons": panel.reasons,
+        "notes": (*panel.notes, *panel.pose.notes),
+        "camera": panel.pose.camera.to_dict(),
+        "pose": _pose(panel.pose),
+        "homography": None if view is None else view.homography,
+        "homography_domain": "undistorted" if panel.pose.camera.distorted else "source",
+        "rectified": None,
+        "buttons": [_button(button) for button in panel.buttons],
+        "plates": [],
+        "timing_ms": {stage: round(value, 3) for stage, value in panel.timing_ms.items()},
+    }
+    if view is not None:
+        values["rectified"] = {
+            "file": rectified_file,
+            "width_px": view.width_px,
+            "height_px": view.height_px,
+            "crop": view.crop,
+            "scale": view.scale,
+        }
+    plain: dict[str, Any] = _plain(values)
+    return plain
+
+
+def panel_to_json(panel: Panel, rectified_file: str | None = None) -> bytes:
+    """`panel_to_dict` as strictly valid JSON, UTF-8."""
+    return json_bytes(panel_to_dict(panel, rectified_file))
+
+
+def output_names(stem: str) -> tuple[str, str, str]:
+    """Name the files of one result: the JSON, the overlay, the rectified picture."""
+    return f"{stem}.json", f"{stem}.overlay.png", f"{stem}.rectified.png"
+
+
+def write_panel(
+    panel: Panel, image: npt.NDArray[Any], directory: str | Path, stem: str
+) -> PanelFiles:
+    """Write STEM.json, STEM.overlay.png and, where there is a view, STEM.rectified.png.
+
+    Each appears in one piece, the JSON last. Without a view an older STEM.rectified.png
+    is removed, so that no picture stands beside a result that has none.
+
+    Parameters
+    ----------
+    panel
+        The result.
+    image
+        The photo (h, w, 3), RGB, or grey (h, w) or (h, w, 1); uint8 or uint16.
+    directory
+        Made if missing.
+    stem
+        Usually the photo's name without its suffix.
+
+    Raises
+    ------
+    InputError
+        If the image is of another type, or a file cannot be written.
+    """
+    from fronto.draw import draw_overlay
+    from fronto.imageio import write_png
+
+    folder = Path(directory)
+    json_file, overlay, rectified = (folder / name for name in output_names(stem))
+    drawing = draw_overlay(_eight_bit(image), panel.pose, [b.outline for b in panel.buttons])
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if panel.view is None:
+            rectified.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a path"
+        raise InputError(
+            f"output folder {folder}",
+            f"expected a folder to write to, got: {reason}",
+            "choose another one",
+        ) from None
+    try:
+        if panel.view is not None:
+            write_png(rectified, panel.view.image)
+        write_png(overlay, drawing)
+        name = None if panel.view is None else rectified.name
+        write_bytes(json_file, panel_to_json(panel, name))
+    except InputError:
+        # An older JSON must not describe the newer pictures.
+        with contextlib.suppress(OSError):
+            json_file.unlink(missing_ok=True)
+        raise
+    return PanelFiles(json_file, overlay, None if panel.view is None else rectified)
+
+
+def _eight_bit(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
+
+
+def _pose(pose: PanelPose) -> dict[str, Any]:
+    return {
+        "solver": pose.solver,
+        **_rotation(pose),
+        "covariance_rad2": pose.covariance,
+        "cos_norm": pose.cos_norm,
+        "final_cr": pose.final_cr,
+        "sigma_px": pose.sigma_px,
+        "focal_std": pose.focal_std,
+        "aspect_std": pose.aspect_std,
+        "plane_depth_m": pose.plane_depth_m,
+        "cost": pose.cost,
+        "alternatives": [
+            {**_rotation(other), "focal_px": other.camera.focal_px, "cost": other.cost}
+            for other in pose.alternatives
+            if other.status in DETERMINED
+        ],
+        "stopped": pose.stopped,
+    }
+
+
+def _rotation(pose: PanelPose) -> dict[str, Any]:
+    # A rotation that the outlines do not determine would be taken for one.
+    known = pose.status in DETERMINED
+    return {
+        "rotation": pose.rotation if known else None,
+        "angles_deg": pose.angles_deg if known else None,
+        "std_deg": pose.std_deg if known else (None, None, None),
+        "normal": pose.normal if known else None,
+    }
+
+
+def _button(button: Button) -> dict[str, Any]:
+    outline = button.outline
+    return {
+        "id": button.id,
+        "category": outline.category,
+        "confidence": outline.confidence,
+        "shape": outline.shape,
+        "corners_px": outline.corners_px,
+        "ellipse_px": _ellipse(outline.ellipse_px),
+        "box_px": outline.box_px,
+        "center_px": outline.center_px,
+        "corner_std_px": outline.std_px,
+        "odd": outline.odd,
+        "truncated": outline.truncated,
+        "rectified_corners_px": button.rectified_corners_px,
+        "rectified_ellipse_px": _ellipse(button.rectified_ellipse_px),
+        "rectified_center_px": button.rectified_center_px,
+        "residual_px": button.residual_px,
+        "weight": button.weight,
+        "label": button.label or None,
+        "label_confidence": button.label_confidence,
+        "label_source": button.label_source,
+        "position_m": None,
+        "press_normal": None,
+    }
+
+
+def _ellipse(ellipse: Ellipse | None) -> dict[str, float] | None:
+    if ellipse is None:
+        return None
+    return {name: getattr(ellipse, name) for name in ("cx", "cy", "a", "b", "angle_deg")}
+
+
+def _plain(value: Any) -> Any:
+    """JSON's own types, None for what is no finite number."""
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, str):
+        # A file name that is no Unicode reaches Python with lone surrogates.
+        return value.encode("utf-8", "replace").decode("utf-8")
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,400 @@
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from fronto import Camera, LineSegment
+from fronto.pose.bundle import (
+    FIRST_GROUP,
+    FOCAL,
+    MAX_GLOBALS,
+    Model,
+    Observations,
+    back_project,
+    depth_one,
+    evaluate,
+    solve,
+)
+from fronto.pose.observations import observations
+from fronto.pose.rotation import angle_between, rotation_exp
+from fronto.synth import PAPER_CAMERA, LayoutButton
+
+MIXED = (
+    LayoutButton(-0.03, -0.05, 0.03, 0.03),
+    LayoutButton(0.03, -0.05, 0.03, 0.03),
+    LayoutButton(-0.03, 0.0, 0.03, 0.03, "ellipse"),
+    LayoutButton(0.03, 0.0, 0.03, 0.03, "ellipse"),
+    LayoutButton(-0.03, 0.05, 0.03, 0.03),
+)
+#: Latents of MIXED: two columns, three rows.
+COLUMN, ROW = [0, 1, 0, 1, 0], [2, 2, 3, 3, 4]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Observations, a model and its true parameters."""
+
+    seen: Observations
+    model: Model
+    rotation: np.ndarray
+    parameters: np.ndarray
+    xy: np.ndarray
+
+    def cost(self, step):
+        """At truth plus `step`: w (3), the other globals, xy (2 n)."""
+        m = self.model.size
+        parameters = self.parameters + np.concatenate([np.zeros(3), step[3:m]])
+        return evaluate(
+            self.seen,
+            self.model,
+            self.rotation @ rotation_exp(step[:3]),
+            parameters,
+            self.xy + step[m:].reshape(-1, 2),
+        )
+
+    def solve(self, **options):
+        return solve(
+            self.seen,
+            self.model,
+            self.rotation[None],
+            self.parameters[None],
+            self.xy[None],
+            **options,
+        )[0]
+
+
+def problem_of(
+    view,
+    *,
+    angles=(14.0, -22.0, 9.0),
+    focal_scale=1.0,
+    focal_isd=-1.0,
+    lines=False,
+    ties=False,
+    square=False,
+    template=False,
+    tilt=0.0,
+    noise=None,
+):
+    """MIXED seen by a camera whose true focal length is `focal_scale` times the assumed one."""
+    camera = PAPER_CAMERA
+    true = Camera.from_matrix(np.diag([focal_scale, focal_scale, 1]) @ camera.matrix, 640, 480)
+    shift = true.matrix.copy()
+    shift[:2, 2] = camera.matrix[:2, 2]
+    true = Camera.from_matrix(shift, 640, 480)
+    panel = view(MIXED, angles, at_px=(370, 210), camera=true, std_px=0.3)
+    segments = []
+    if lines:
+        for axis, ends in [
+            ("horizontal", [[-0.06, -0.08], [0.07, -0.08]]),
+            ("vertical", [[0.06, -0.08], [0.06, 0.03]]),
+        ]:
+            segments.append(LineSegment(axis, panel.project(ends), std_px=0.4))
+    if noise is not None:
+        panel = panel.noisy(noise, 0.3)
+    seen = observations(panel.outlines, camera, segments)
+
+    pivot = np.array([*(np.array(seen.pivot) / focal_scale), 1.0])
+    depth = panel.translation[2] / (panel.rotation[2] @ pivot)
+    origin = (depth * panel.rotation @ pivot - panel.translation)[:2]
+    n, groups = len(MIXED), 2
+    latents = 3 if template else 5 if ties else 0
+    tie_index, tie_coef, tie_isd = np.full((n, 4), -1), np.zeros((n, 4)), np.zeros((n, 2))
+    positions = []
+    if template:
+        tie_index[:] = [0, 1, 0, 2]
+        tie_coef[:] = [[1e3 * b.x, 1.0, 1e3 * b.y, 1.0] for b in MIXED]
+        positions = [1e-3 / depth, *(-origin / depth)]
+    elif ties:
+        tie_index[:, 0], tie_index[:, 2] = COLUMN, ROW
+        tie_coef[:, ::2] = 1.0
+        places = np.array([-0.03, 0.03, -0.05, 0.0, 0.05])
+        positions = (places - origin[[0, 0, 1, 1, 1]]) / depth
+    tie_isd[:] = 3000.0 if latents else 0.0
+    model = Model(
+        group=np.array([0, 0, 1, 1, 0], np.intc),
+        square_isd=np.array([100.0 if square else 0.0, 0.0]),
+        tie_index=tie_index.astype(np.intc),
+        tie_coef=tie_coef,
+        tie_isd=tie_isd,
+        latents=latents,
+        size_scale=np.array([[30.0, 30.0], [30.0, 0.0]]) if template else np.zeros((2, 2)),
+        size_isd=50.0 if template else 0.0,
+        scale_latent=0 if template else -1,
+        focal_isd=focal_isd,
+        tilt_isd=tilt,
+    )
+    parameters = np.zeros(model.size)
+    parameters[FOCAL] = np.log(focal_scale)
+    parameters[FIRST_GROUP : FIRST_GROUP + 2 * groups] = np.log(0.03 / depth)
+    parameters[FIRST_GROUP + 2 * groups :] = positions
+    xy = np.array([[b.x, b.y] for b in MIXED]) - origin
+    return Problem(seen, model, panel.rotation, parameters, xy / depth)
+
+
+CASES = {
+    "quads and circles": {},
+    "lines": {"lines": True},
+    "ties": {"ties": True},
+    "squareness": {"square": True},
+    "tilt": {"angles": (0.0, 0.0, 9.0), "tilt": 300.0},
+    "focal length": {"focal_scale": 1.2, "focal_isd": 3.0},
+    "template": {"template": True},
+    "everything": {
+        "angles": (0.0, 0.0, -5.0),
+        "lines": True,
+        "ties": True,
+        "square": True,
+        "tilt": 2.0,
+        "focal_scale": 0.8,
+        "focal_isd": 3.0,
+    },
+}
+
+
+def free(problem):
+    """Indices of the parameters that the solver moves, xy last."""
+    m = problem.model.size
+    size = m + problem.xy.size
+    # log height of the circles means nothing, and a known focal length stays.
+    fixed = {FIRST_GROUP + 3} | ({FOCAL} if problem.model.focal_isd < 0 else set())
+    return np.array([k for k in range(size) if k not in fixed])
+
+
+def steps(problem):
+    """Steps of about 1e-3 deviations along each parameter."""
+    m = problem.model.size
+    tiny = 1e-7
+    unit = np.eye(m + problem.xy.size)
+    base = problem.cost(np.zeros(len(unit)))
+    bend = [problem.cost(tiny * e) + problem.cost(-tiny * e) - 2 * base for e in unit]
+    return 1e-3 * tiny / np.sqrt(np.maximum(np.array(bend) / 2, 1e-12))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_hessian_against_differences_of_the_cost(view, name):
+    problem = problem_of(view, **CASES[name])
+    index, h, m = free(problem), steps(problem), problem.model.size
+    base = problem.cost(np.zeros(m + problem.xy.size))
+    focal = problem.model.focal_isd * problem.parameters[FOCAL]
+    # Exact data: only the prior of the focal length, which is linear, leaves a residual.
+    assert base == pytest.approx(focal**2 if problem.model.focal_isd > 0 else 0.0, abs=1e-9)
+    count = len(index)
+    full = np.zeros((count, count))
+    unit = np.diag(h)
+    for a in range(count):
+        for b in range(a, count):
+            da, db = unit[index[a]], unit[index[b]]
+            mixed = sum(s * t * problem.cost(s * da + t * db) for s in (1, -1) for t in (1, -1))
+            # Of a sum of squares JᵀJ is half the second derivative.
+            full[a, b] = full[b, a] = mixed / (8 * h[index[a]] * h[index[b]])
+    inner = int((index < m).sum())
+    coupling = full[:inner, inner:]
+    expected = full[:inner, :inner] - coupling @ np.linalg.solve(full[inner:, inner:], coupling.T)
+
+    solution = problem.solve(max_iterations=0)
+    np.testing.assert_array_equal(solution.rotation, problem.rotation)
+    np.testing.assert_array_equal(solution.xy, problem.xy)
+    kept = index[:inner]
+    compiled = solution.hessian[np.ix_(kept, kept)]
+    scale = np.sqrt(np.diag(full))[:inner]
+    np.testing.assert_allclose(
+        compiled / np.outer(scale, scale), expected / np.outer(scale, scale), atol=2e-5
+    )
+    held = sorted(set(range(m)) - set(kept))
+    np.testing.assert_array_equal(solution.hessian[held], np.eye(m)[held])
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("outlier", [False, True])
+def test_the_optimum_is_where_the_cost_is_flat(view, name, outlier):
+    # All losses are active here: a gradient that disagreed with the cost would end elsewhere.
+    case = CASES[name] | {"angles": (14.0, -22.0, 9.0), "noise": 5}
+    problem = problem_of(view, **case)
+    if outlier:
+        observed = problem.seen.observed.copy()
+        observed[0, :2] += 0.02
+        problem = replace(problem, seen=replace(problem.seen, observed=observed))
+    solution = problem.solve(max_iterations=400, tolerance=1e-13)
+    assert solution.converged
+    assert solution.cost < solution.first_cost
+    assert solution.cost == pytest.approx(
+        evaluate(
+            problem.seen, problem.model, solution.rotation, solution.parameters, solution.xy
+        ),
+        rel=1e-12,
+    )
+    there = replace(
+        problem, rotation=solution.rotation, parameters=solution.parameters, xy=solution.xy
+    )
+    h = steps(there)
+    for k in free(there):
+        step = np.zeros(len(h))
+        step[k] = h[k]
+        slope = (there.cost(step) - there.cost(-step)) / (2 * h[k])
+        # In units of cost per deviation; at the start it is above 0.1 somewhere.
+        assert abs(slope) * 1e3 * h[k] < 2e-4
+
+
+def test_slopes_are_not_all_zero_before(view):
+    problem = problem_of(view, noise=5, ties=True, square=True)
+    h = steps(problem)
+    slopes = []
+    for k in free(problem):
+        step = np.zeros(len(h))
+        step[k] = h[k]
+        slopes.append(abs(problem.cost(step) - problem.cost(-step)) / 2 * 1e3)
+    assert max(slopes) > 0.1
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name != "focal length"])
+def test_exact_data_is_a_fixed_point(view, name):
+    problem = problem_of(view, **CASES[name] | {"focal_scale": 1.0})
+    solution = problem.solve()
+    assert solution.cost < 1e-12
+    assert solution.converged
+    np.testing.assert_allclose(solution.rotation, problem.rotation, atol=1e-9)
+    np.testing.assert_allclose(solution.parameters, problem.parameters, atol=1e-9)
+    np.testing.assert_allclose(solution.xy, problem.xy, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("turn", [(0.3, 0.0, 0.0), (0.0, 0.3, 0.1), (-0.2, 0.1, -0.2)])
+def test_starts_converge_to_the_truth(view, name, turn):
+    case = CASES[name] | {"tilt": 0.0, "angles": (14.0, -22.0, 9.0)}
+    if "focal_scale" in case:
+        case["focal_isd"] = 1e-6
+    problem = problem_of(view, **case)
+    start = replace(problem, rotation=problem.rotation @ rotation_exp(turn))
+    solution = start.solve(max_iterations=300, tolerance=1e-12)
+    assert angle_between(solution.rotation, problem.rotation) < 1e-6
+    np.testing.assert_allclose(solution.parameters, problem.parameters, atol=1e-6)
+    np.testing.assert_allclose(solution.xy, problem.xy, atol=1e-6)
+    assert solution.chi2.max() < 1e-6
+
+
+def test_several_starts_are_solved_as_each_alone(view):
+    problem = problem_of(view, noise=3)
+    turns = [(0.2, 0, 0), (0, -0.3, 0)]
+    rotations = np.array([problem.rotation @ rotation_exp(t) for t in turns])
+    both = solve(
+        problem.seen,
+        problem.model,
+        rotations,
+        np.array([problem.parameters] * 2),
+        np.array([problem.xy] * 2),
+    )
+    for k in range(2):
+        alone = replace(problem, rotation=rotations[k]).solve()
+        np.testing.assert_array_equal(both[k].rotation, alone.rotation)
+        assert both[k].cost == alone.cost
+        assert both[k].iterations == alone.iterations
+
+
+def test_iterations_are_limited(view):
+    problem = problem_of(view, noise=3)
+    start = replace(problem, rotation=problem.rotation @ rotation_exp([0.3, 0.2, 0]))
+    solution = start.solve(max_iterations=2)
+    assert solution.iterations == 2
+    assert not solution.converged
+
+
+def test_behind_the_camera_costs_infinity(view):
+    problem = problem_of(view)
+    behind = replace(problem, xy=problem.xy + [100.0, 100.0])
+    solution = behind.solve()
+    assert np.isinf(solution.cost)
+    assert not solution.converged
+
+
+def test_unseen_corners_do_not_count(view):
+    problem = problem_of(view)
+    inverse_sd = problem.seen.inverse_sd.copy()
+    inverse_sd[0, 2] = 0.0
+    observed = problem.seen.observed.copy()
+    observed[0, 4:6] += 0.5
+    seen = replace(problem.seen, inverse_sd=inverse_sd, observed=observed)
+    assert evaluate(seen, problem.model, problem.rotation, problem.parameters, problem.xy) < 1e-12
+
+
+def test_loss_is_plain_up_to_the_knee_and_logarithmic_after(view):
+    problem = problem_of(view)
+    isd = problem.seen.inverse_sd[0, 0]
+    for residual, expected in [
+        (3.0, 9.0),
+        # knee 16, Cauchy's c² 16: 16 + 16 ln(1 + (64 - 16)/16) = 16 + 16 ln 4
+        (8.0, 16 + 16 * np.log(4.0)),
+    ]:
+        observed = problem.seen.observed.copy()
+        observed[0, 0] += residual / isd
+        seen = replace(problem.seen, observed=observed)
+        cost = evaluate(seen, problem.model, problem.rotation, problem.parameters, problem.xy)
+        assert cost == pytest.approx(expected, rel=1e-6)
+
+
+def test_back_projection_of_exact_quads(view):
+    problem = problem_of(view, focal_scale=1.1, focal_isd=1.0)
+    xy, log_size, rotations = back_project(problem.seen, problem.rotation[None], 1.1)
+    quads = np.array([0, 1, 4])
+    np.testing.assert_allclose(xy[0, quads], problem.xy[quads], atol=1e-12)
+    np.testing.assert_allclose(log_size[0, quads], problem.parameters[FIRST_GROUP], atol=1e-6)
+    # Of circles the centre of the ellipse stands for the projected centre.
+    np.testing.assert_allclose(xy[0, 2:4], problem.xy[2:4], atol=2e-3)
+    np.testing.assert_allclose(log_size[0, 2:4], problem.parameters[FIRST_GROUP], atol=0.02)
+    np.testing.assert_array_equal(rotations[0], problem.rotation)
+
+
+def test_back_projection_turns_upright_where_asked(view):
+    problem = problem_of(view)
+    c, s = np.cos(0.3), np.sin(0.3)
+    rolled = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ problem.rotation
+    xy, _, rotations = back_project(problem.seen, np.array([rolled, rolled]), keep=1)
+    np.testing.assert_array_equal(rotations[0], rolled)
+    np.testing.assert_allclose(rotations[1], problem.rotation, atol=1e-9)
+    np.testing.assert_allclose(xy[1, [0, 1, 4]], problem.xy[[0, 1, 4]], atol=1e-9)
+    np.testing.assert_allclose(
+        xy[0, [0, 1, 4]], problem.xy[[0, 1, 4]] @ [[c, -s], [s, c]], atol=1e-9
+    )
+
+
+def test_depth_one_is_the_plane_of_the_result(view):
+    problem = problem_of(view, focal_scale=1.1, focal_isd=1.0)
+    offset, distance = depth_one(problem.seen, problem.rotation, 1.1)
+    panel = view(MIXED, (14.0, -22.0, 9.0), at_px=(370, 210), std_px=0.3)
+    centers = np.array([[b.x, b.y] for b in MIXED]) + panel.translation[:2]
+    # The panel moved so that its plane is z = 1: divided by its distance. The camera's
+    # other focal length moves the ray of `at_px`, so compare differences only.
+    points = (problem.xy + offset) / distance
+    ratio = (points[1] - points[0]) / (centers[1] - centers[0])[0]
+    assert ratio[1] == pytest.approx(0.0, abs=1e-9)
+    size = np.exp(problem.parameters[FIRST_GROUP]) / distance
+    assert size / np.linalg.norm(points[1] - points[0]) == pytest.approx(0.03 / 0.06, rel=1e-9)
+    rays = np.column_stack([points, np.ones(5)]) @ problem.rotation
+    pixels = rays[:, :2] / rays[:, 2:] * 1.1
+    np.testing.assert_allclose(
+        pixels[[0, 1, 4]], [np.mean(_diagonals(o), axis=0) for o in _quads(problem)], atol=1e-9
+    )
+
+
+def _quads(problem):
+    return problem.seen.observed[[0, 1, 4], :8].reshape(-1, 4, 2)
+
+
+def _diagonals(corners):
+    """Where the diagonals cross, twice: from each end."""
+    a, b, c, d = corners
+    s, t = np.linalg.solve(np.column_stack([c - a, b - d]), b - a)
+    return [a + s * (c - a), b + t * (d - b)]
+
+
+def test_too_many_shared_parameters_are_refused(view):
+    problem = problem_of(view)
+    model = replace(problem.model, latents=MAX_GLOBALS)
+    with pytest.raises(ValueError, match="shared parameters"):
+        solve(
+            problem.seen,
+            model,
+            problem.rotation[None],
+            np.zeros((1, model.size)),
+            problem.xy[None],
+        )
