@@ -219,11 +219,10 @@ def test_a_damaged_file_is_an_image_or_an_input_error(
     path.write_bytes(content)
     try:
         image = read_image(path, max_pixels=1_000_000)
-    except InputError as error:
-        assert str(path) in str(error)
-    else:
-        assert image.ndim == 3
-        assert image.shape[2] == 3
+    except InputError:
+        return
+    assert image.ndim == 3
+    assert image.shape[2] == 3
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

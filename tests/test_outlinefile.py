@@ -255,7 +255,7 @@ def test_a_bad_segment_is_named(path: Path) -> None:
         ('{"buttons": [', "line 1, column 14"),
         ('{"buttons": []} {}', "line 1"),
         ("buttons: []", "line 1, column 1"),
-        ('{"buttons": ' + "[" * 100_000, "nested"),
+        ('{"other": ' + "[" * 100_000, "nested"),
     ],
 )
 def test_malformed_json_is_located(path: Path, text: str, where: str) -> None:
@@ -319,7 +319,7 @@ def test_what_is_written_is_read_back_exactly(
     angle: float,
 ) -> None:
     path = tmp_path_factory.mktemp("round") / "a.json"
-    corners = np.array(QUAD) + [x, y]
+    corners = np.add(QUAD, [x, y])
     outlines = [
         Outline.quad(corners, std_px=std, confidence=confidence, text=text, odd=True),
         Outline.ellipse(x + 500, y, 9.5, 7.25, angle, category="up", truncated=True),

@@ -86,7 +86,7 @@ def test_json(tmp_path: Path, name: str) -> None:
         ("name: nothing", "buttons"),
         ("schema: fronto.template/9\nbuttons: []", "schema"),
         ("just words", "object"),
-        ("buttons: [\n  {x_mm: 0, y_mm: 0}", "line 2"),
+        ("buttons: [\n  {x_mm: 0, y_mm: 0 y}]: 3", "line 2"),
         ("a: &a [1, 2]\nrows: [*a, *a]\npitch_mm: [1, 1]", "alias"),
         ("rows: " + "[" * 5000 + "]" * 5000, "nested"),
     ],
@@ -96,7 +96,7 @@ def test_wrong_yaml_is_refused_with_its_place(tmp_path: Path, text: str, field: 
 
 
 def test_wrong_json_is_refused_with_its_place(tmp_path: Path) -> None:
-    assert "line 2, column 4" in fails(tmp_path, '{"rows":\n [1,}', "panel.json")
+    assert "line 2, column 5" in fails(tmp_path, '{"name":\n [1,}', "panel.json")
     message = fails(tmp_path, '{"buttons": [{"x_mm": "0", "y_mm": 0}]}', "panel.json")
     assert "buttons[0].x_mm" in message
 

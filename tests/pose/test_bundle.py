@@ -301,7 +301,7 @@ def test_iterations_are_limited(view):
 
 def test_behind_the_camera_costs_infinity(view):
     problem = problem_of(view)
-    behind = replace(problem, xy=problem.xy + [100.0, 100.0])
+    behind = replace(problem, xy=problem.xy - 100.0)
     solution = behind.solve()
     assert np.isinf(solution.cost)
     assert not solution.converged

@@ -130,7 +130,7 @@ def cosines(points: npt.ArrayLike) -> FloatArray:
     """Cos, shape (b,): h·v / (‖h‖ ‖v‖) of each button's sides at corner 1, in 3-D (Eq. 12)."""
     one, two, four = _corners_124(points)
     h, v = two - one, four - one
-    lengths = np.linalg.norm(h, axis=0) * np.linalg.norm(v, axis=0)
+    lengths = np.sqrt((h * h).sum(axis=0) * (v * v).sum(axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((h * v).sum(axis=0) / lengths)
 
@@ -199,10 +199,10 @@ def cos_norm(plane_corners: npt.ArrayLike) -> float:
         If the corners are no finite (n, 4, 2).
     """
     corners = frozen_array(plane_corners, (-1, 4, 2), "plane corners").reshape(-1, 2)
-    return two_norm(cosines(np.vstack([corners.T, np.ones(len(corners))])))
+    return two_norm(cosines(corners.T))  # all have z = 1, so the sides have z = 0
 
 
 def _corners_124(points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Corners 1, 2 and 4 of each button, each of shape (3, b)."""
+    """Corners 1, 2 and 4 of each button, each of shape (3, b) (or (2, b))."""
     array = np.asarray(points, dtype=np.float64)
     return array[:, 0::4], array[:, 1::4], array[:, 3::4]

@@ -129,7 +129,7 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     cov = covariance(best, found.model)
     verdict = judge(found, cov, size_px, sigma_px)
     if verdict.status == "degenerate":
-        cov = np.full((4, 4), np.nan)
+        cov = np.full(cov.shape, np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
     others = [
         _pose(other, camera, found, verdict, std, covariance(other, found.model))
@@ -169,7 +169,7 @@ def _pose(
     corners = (solution.xy[:, None] + sizes[:, None] * _SIGNS + offset) / distance
     # Eight tangents carry twice the outline's deviation each (see observations).
     residual = std * np.sqrt(np.where(quads, solution.chi2 / 4, solution.chi2 / 2))
-    focal_std, notes, aspect = 0.0, [], _aspect_std(solution, found)
+    focal_std, notes, aspect = 0.0, [], _aspect_std(found, cov)
     if camera.focal_std > 0:
         focal_std = float(np.sqrt(cov[FOCAL, FOCAL]))
         if not np.isfinite(focal_std):
@@ -220,18 +220,13 @@ def _cos_norm(corners: FloatArray, solution: Solution) -> float | None:
     return float(cos_norm((plane[:, :2] / plane[:, 2:]).reshape(-1, 4, 2)))
 
 
-def _aspect_std(solution: Solution, found: Adjustment) -> float | None:
+def _aspect_std(found: Adjustment, cov: FloatArray) -> float | None:
     """Deviation of ln(width/height) of the largest group of quads, None without quads."""
     groups = found.model.group[found.seen.kind == QUAD]
     if not len(groups):
         return None
     at = FIRST_GROUP + 2 * int(np.bincount(groups).argmax())
-    contrast = np.zeros(len(solution.hessian))
-    contrast[at], contrast[at + 1] = 1.0, -1.0
-    try:
-        variance = float(contrast @ np.linalg.solve(solution.hessian, contrast))
-    except np.linalg.LinAlgError:
-        return None
+    variance = float(cov[at, at] + cov[at + 1, at + 1] - 2 * cov[at, at + 1])
     return float(np.sqrt(variance)) if variance > 0 else None
 
 

@@ -111,6 +111,9 @@ def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDA
     scale = float(np.exp(solution.parameters[FOCAL]))
     _, log_size, _ = back_project(seen, solution.rotation[None], scale)
     sizes = log_size[0]
+    same_kind = (seen.kind == seen.kind[0]).all()
+    if same_kind and (sizes.max(axis=0) - sizes.min(axis=0) < SIZE_GAP).all():
+        return np.zeros(len(sizes), dtype=np.intp)
     # A corner's deviation over the size is the logarithm's; tangents carry twice theirs.
     reach = np.exp(sizes.mean(axis=1))
     deviation = 1.0 / (np.maximum(seen.inverse_sd[:, :4].max(axis=1), 1e-9) * reach)

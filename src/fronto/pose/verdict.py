@@ -56,22 +56,23 @@ def weights(adjustment: Adjustment, solution: Solution) -> FloatArray:
 
 
 def covariance(solution: Solution, model: Model) -> FloatArray:
-    """Covariance (4, 4) of w (R·exp([w]x), radians) and ln f; NaN where not determined.
+    """Covariance (m, m) of the global parameters: w of R·exp([w]x) in radians, ln f, ...
 
     Inverse of the robustly weighted JᵀJ with everything else eliminated (Triggs et al.
-    2000, section 6). ln f has zero variance where the focal length is known.
+    2000, section 6). ln f has zero variance where the focal length is known; all is NaN
+    where the rotation is not determined.
     """
-    scale = 1.0 / np.sqrt(np.diag(solution.hessian))
+    scale = 1.0 / np.sqrt(solution.hessian.diagonal())
+    whiten = scale * scale[:, None]
     try:
-        inverse = np.linalg.inv(solution.hessian * scale * scale[:, None]) * scale * scale[:, None]
+        inverse = np.linalg.inv(solution.hessian * whiten) * whiten
     except np.linalg.LinAlgError:
-        return np.full((4, 4), np.nan)
-    block = inverse[: FOCAL + 1, : FOCAL + 1]
+        return np.full(solution.hessian.shape, np.nan)
     if model.focal_isd < 0:
-        block[FOCAL] = block[:, FOCAL] = 0.0
-    if not (np.isfinite(block).all() and (np.diag(block)[:FOCAL] > 0).all()):
-        return np.full((4, 4), np.nan)
-    return np.asarray(0.5 * (block + block.T))
+        inverse[FOCAL] = inverse[:, FOCAL] = 0.0
+    if not (np.isfinite(inverse).all() and (inverse.diagonal()[:FOCAL] > 0).all()):
+        return np.full(solution.hessian.shape, np.nan)
+    return np.asarray(0.5 * (inverse + inverse.T))
 
 
 def rotation_std(solution: Solution, cov: FloatArray) -> tuple[float, float]:
@@ -95,7 +96,7 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
     Parameters
     ----------
     cov
-        (4, 4): its covariance, see `covariance`.
+        (m, m): its covariance, see `covariance`.
     size_px
         (n,): size of each button in the photo.
     sigma_px

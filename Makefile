@@ -1,0 +1,78 @@
+# fronto: every target sets up what it needs in .venv by itself; a second run is instant.
+SHELL := /bin/sh
+.SHELLFLAGS := -ec
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint bench docs figures clean
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# What an editable install is made from: pip runs again only when one of these changes.
+SOURCES := pyproject.toml hatch_build.py src/fronto/_version.py $(wildcard src/fronto/native/*.[ch])
+
+# FRONTO_EXTRAS=train,... adds extras to what `make test` and `make lint` install.
+comma := ,
+empty :=
+space := $(empty) $(empty)
+DEV := $(subst $(space),$(comma),$(strip dev $(subst $(comma),$(space),$(FRONTO_EXTRAS))))
+
+help: ## show this list
+	@grep -E '^[a-z]+:.*## ' Makefile | sed -e 's/:.*## /\t/' | expand -t 8
+
+demo: $(VENV)/.stamp-core ## rectify the example photos into out/demo
+	@mkdir -p out/demo
+	@for name in hall car; do \
+	  $(BIN)/fronto rectify examples/$$name.png --outlines examples/$$name.outlines.json \
+	    --camera examples/camera.yaml -o out/demo; \
+	done
+	@echo "Head-on views: out/demo/*.rectified.png; what was found: out/demo/*.overlay.png, *.json"
+
+test: $(VENV)/.stamp-$(DEV) ## run the tests
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.stamp-$(DEV) ## check style, formatting and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/.stamp-bench ## measure accuracy and speed; writes docs/benchmarks.md and the README's table
+	$(BIN)/python benchmarks/pose.py
+	$(BIN)/python benchmarks/annotated.py
+
+docs: $(VENV)/.stamp-docs ## build the documentation into site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "Open site/index.html"
+
+figures: $(VENV)/.stamp-core ## render the examples and the README's picture again
+	$(BIN)/python tools/make_examples.py examples
+	$(BIN)/python tools/make_readme_figure.py docs/images/before_after.png
+
+clean: ## remove everything that these targets have made
+	rm -rf $(VENV) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -f src/fronto/native/_kernels.*
+	find src tests benchmarks tools -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/.stamp-venv:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "fronto needs Python 3.11 or newer, and $(PYTHON) is:" >&2; \
+	  $(PYTHON) --version >&2 || :; \
+	  echo "Install one, then: make $(MAKECMDGOALS) PYTHON=python3.11" >&2; exit 1; }
+	@echo "Setting up $(VENV) (once) ..."
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "Python's venv module does not work: on Debian and Ubuntu install python3-venv" >&2; \
+	  exit 1; }
+	@touch $@
+
+$(VENV)/.stamp-core: $(VENV)/.stamp-venv $(SOURCES)
+	@echo "Installing fronto and its dependencies (once) ..."
+	@$(PIP) install --editable .
+	@touch $@
+
+# The rest after the dash is a list of extras.
+$(VENV)/.stamp-%: $(VENV)/.stamp-venv $(SOURCES)
+	@echo "Installing fronto[$*] (once) ..."
+	@$(PIP) install --editable '.[$*]'
+	@touch $@
