@@ -198,6 +198,8 @@ BAD_BUTTONS: dict[str, tuple[dict[str, Any], str]] = {
     "annotation's mirrored": ({"corners": MIRRORED}, "corners"),
     "axes swapped": ({"ellipse_px": {"cx": 1, "cy": 1, "a": 2, "b": 3}}, "ellipse_px"),
     "no axis": ({"ellipse_px": {"cx": 1, "cy": 1, "a": 2, "b": 0}}, "ellipse_px.b"),
+    "vanishing axis": ({"ellipse_px": {"cx": 1, "cy": 1, "a": 2, "b": 1e-300}}, "ellipse_px.b"),
+    "vanishing deviation": ({"corners_px": QUAD, "std_px": 1e-300}, "std_px"),
     "no centre": ({"ellipse_px": {"cx": 1, "a": 2, "b": 1}}, "cy"),
     "neither": ({"category": "up"}, "corners_px"),
     "both": ({"corners_px": QUAD, "ellipse_px": ELLIPSE}, "corners_px and ellipse_px"),

@@ -53,7 +53,7 @@ def draw_overlay(
 ) -> Picture:
     """Draw outlines, the panel's axes and the verdict on a copy of the photo.
 
-    Each outline has its category's colour, its category and text beside it, and dots at
+    Each outline has its category's colour, its text (else its category) beside it, and dots at
     its corners, the first one large. At the buttons' centroid red points along the panel's
     rows (x) and green down its columns (y). Texts are ASCII; other signs become "?".
 
@@ -78,9 +78,10 @@ def draw_overlay(
     canvas = _rgb(image_rgb)
     unit = _unit(canvas)
     categories = sorted({outline.category for outline in outlines})
-    for outline in outlines:
-        color = PALETTE[categories.index(outline.category) % len(PALETTE)]
+    colors = [PALETTE[categories.index(o.category) % len(PALETTE)] for o in outlines]
+    for outline, color in zip(outlines, colors, strict=True):
         _draw_outline(canvas, outline, color, unit)
+    _draw_names(canvas, outlines, colors, unit)
     _draw_axes(canvas, pose, unit)
     _draw_frame(canvas, pose, unit)
     _draw_banner(canvas, pose, unit)
@@ -227,13 +228,42 @@ def _draw_outline(canvas: Picture, outline: Outline, color: Color, unit: float) 
         _polyline(canvas, outline.corners_px, True, color, width)
         for i, corner in enumerate(outline.corners_px):
             _dot(canvas, corner, (3.5 if i == 0 else 1.5) * unit, color)
-    name = f"{outline.category} {outline.text}".strip()
-    _, y0, x1, y1 = outline.box_px
-    text_width, text_height = _text_size(name, unit)
-    x = round(x1 + 4 * unit)
-    if x + text_width > canvas.shape[1]:  # beside it on the left where the right has no room
-        x = max(0, round(outline.box_px[0] - 4 * unit) - text_width)
-    _text(canvas, name, (x, round((y0 + y1 + text_height) / 2)), unit, color)
+
+
+def _draw_names(
+    canvas: Picture, outlines: Sequence[Outline], colors: Sequence[Color], unit: float
+) -> None:
+    """Write each outline's text, else its category, where it covers no other button or name."""
+    boxes = [outline.box_px for outline in outlines]
+    written: list[tuple[float, float, float, float]] = []
+    gap = 4 * unit
+    for k, outline in enumerate(outlines):
+        name = outline.text or outline.category
+        wide, high = _text_size(name, unit)
+        x0, y0, x1, y1 = boxes[k]
+        middle_x, middle_y = (x0 + x1 - wide) / 2, (y0 + y1 - high) / 2
+        places = [
+            (x1 + gap, middle_y),
+            (x0 - gap - wide, middle_y),
+            (middle_x, y1 + gap),
+            (middle_x, y0 - gap - high),
+        ]
+        others = boxes[:k] + boxes[k + 1 :] + written
+        free = [p for p in places if _is_free((*p, p[0] + wide, p[1] + high), others, canvas)]
+        # On a dense panel there is room on the button itself only.
+        x, y = free[0] if free else (middle_x, y1 - high - gap / 2)
+        written.append((x, y, x + wide, y + high))
+        _text(canvas, name, (round(x), round(y + high)), unit, colors[k])
+
+
+def _is_free(
+    box: tuple[float, float, float, float],
+    others: Sequence[tuple[float, float, float, float]],
+    canvas: Picture,
+) -> bool:
+    x0, y0, x1, y1 = box
+    inside = x0 >= 0 and y0 >= 0 and x1 < canvas.shape[1] and y1 < canvas.shape[0]
+    return inside and not any(x0 < b[2] and b[0] < x1 and y0 < b[3] and b[1] < y1 for b in others)
 
 
 def _draw_axes(canvas: Picture, pose: PanelPose, unit: float) -> None:

@@ -23,11 +23,13 @@ MAX_BYTES = 50_000_000
 MAX_ITEMS = 10_000
 #: Far beyond any photo, and well within the range where products are exact enough.
 FAR_PX = 1e6
+#: No button, and no deviation that anybody measures, is smaller.
+LEAST_PX = 1e-3
 
 _Coordinate = Annotated[float, msgspec.Meta(ge=-FAR_PX, le=FAR_PX)]
 _Point = tuple[_Coordinate, _Coordinate]
 _Corners = Annotated[list[_Point], msgspec.Meta(min_length=4, max_length=4)]
-_Length = Annotated[float, msgspec.Meta(gt=0, le=FAR_PX)]
+_Length = Annotated[float, msgspec.Meta(ge=LEAST_PX, le=FAR_PX)]
 _Side = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
 
 
