@@ -97,7 +97,7 @@ def view_of(
     for b in buttons:
         if b.shape == "quad":
             half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [b.width / 2, b.height / 2]
-            corners = project(half + [b.x, b.y], rotation, translation, camera.matrix)
+            corners = project(np.add(half, [b.x, b.y]), rotation, translation, camera.matrix)
             outlines.append(Outline.quad(corners, std_px=std_px, text=b.text))
         else:
             ellipse = circle_image(b.x, b.y, b.width / 2, rotation, translation, camera.matrix)

@@ -35,7 +35,7 @@ def turned(points, angle_deg):
 @fixed
 @given(orders, st.floats(-40, 40), st.floats(5, 200), st.floats(0.4, 2.5))
 def test_rectangles_in_any_order_and_roll(order, roll, width, ratio):
-    corners = turned(np.array(SQUARE) / 10 * [width, width * ratio], roll) + [300, 200]
+    corners = np.add(turned(np.array(SQUARE) / 10 * [width, width * ratio], roll), [300, 200])
     np.testing.assert_array_equal(order_corners(corners[list(order)]), corners)
 
 
@@ -57,6 +57,14 @@ def test_slanted_quad_by_hand():
     expected = [[4, 0], [12, 0], [8, 6], [0, 6]]
     for order in itertools.permutations(expected):
         np.testing.assert_array_equal(order_corners(order), expected)
+
+
+def test_both_horizontal_sides_decide():
+    # Of all sides the left one, walked clockwise, is the closest to +x (30° against the
+    # upper one's 40°), but the lower side is level.
+    expected = np.array([[8.66, -5.0], [16.32, 1.43], [16.32, 3.0], [0.0, 0.0]])
+    for order in itertools.permutations(range(4)):
+        np.testing.assert_array_equal(order_corners(expected[list(order)]), expected)
 
 
 @pytest.mark.parametrize(

@@ -95,9 +95,7 @@ def test_true_corners_rectify_to_equal_upright_squares(name):
         np.testing.assert_allclose(np.diff(plane, axis=1), steps, atol=1e-9)
         expected = scene.layout.corners + scene.translation[:2]
         np.testing.assert_allclose(plane, expected, atol=1e-9)
-        np.testing.assert_allclose(
-            scene.plane_corners, expected / scene.translation[2], atol=1e-12
-        )
+        np.testing.assert_allclose(scene.plane_corners, expected / scene.translation[2], atol=1e-12)
 
     run()
 

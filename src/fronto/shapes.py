@@ -20,6 +20,9 @@ FloatArray = npt.NDArray[np.float64]
 Shape = Literal["quad", "ellipse"]
 Axis = Literal["horizontal", "vertical"]
 
+#: Thinner ellipses are segments: they have no tangents on two sides.
+MIN_AXIS_PX = 1e-3
+
 #: Standard deviation of a corner or of an ellipse's centre where nobody states one.
 DEFAULT_STD_PX = 0.5
 
@@ -55,7 +58,7 @@ class Ellipse:
     cx, cy
         Centre.
     a, b
-        Semi-axes, a >= b > 0.
+        Semi-axes, a >= b > 0 (at least a thousandth of a pixel).
     angle_deg
         Direction of the a axis from +x, clockwise as seen (y is down).
     """
@@ -70,10 +73,10 @@ class Ellipse:
         values = (self.cx, self.cy, self.a, self.b, self.angle_deg)
         if not all(np.isfinite(value) for value in values):
             raise InputError("ellipse", "expected finite numbers, got NaN or infinity")
-        if self.b <= 0 or self.a < self.b:
+        if self.b < MIN_AXIS_PX or self.a < self.b:
             raise InputError(
                 "ellipse",
-                f"expected semi-axes a >= b > 0, got a={self.a:g}, b={self.b:g}",
+                f"expected semi-axes a >= b >= {MIN_AXIS_PX:g} px, got a={self.a:g}, b={self.b:g}",
                 "swap the axes and add 90 to angle_deg if b is the longer one",
             )
 

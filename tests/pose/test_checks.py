@@ -13,7 +13,7 @@ SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], dtype=float)
 
 
 def column(count, pitch=30.0):
-    return [Outline.quad(SQUARE + [100, 50 + pitch * k]) for k in range(count)]
+    return [Outline.quad(np.add(SQUARE, [100, 50 + pitch * k])) for k in range(count)]
 
 
 def test_good_outlines_pass():
@@ -43,7 +43,7 @@ def test_no_outline(item):
 
 @pytest.mark.parametrize("shift", [0.0, 2.0])
 def test_one_button_twice(shift):
-    outlines = [*column(3), Outline.quad(SQUARE + [100 + shift, 80])]
+    outlines = [*column(3), Outline.quad(np.add(SQUARE, [100 + shift, 80]))]
     with pytest.raises(InputError, match="1 and 3"):
         estimate_pose(outlines, PAPER_CAMERA)
     with pytest.raises(InputError):
@@ -52,7 +52,7 @@ def test_one_button_twice(shift):
 
 def test_a_button_inside_a_large_one_elsewhere_is_another():
     large = Outline.quad(10 * SQUARE + [50, 30])
-    check_outlines([large, Outline.quad(SQUARE + [60, 40])])
+    check_outlines([large, Outline.quad(np.add(SQUARE, [60, 40]))])
 
 
 @pytest.mark.parametrize("turn", [1, 2, 3])

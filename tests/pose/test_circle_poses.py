@@ -178,4 +178,3 @@ def test_quads_tell_the_roll_of_circles(view, grid):
     pose = estimate_pose(panel.outlines, panel.camera)
     assert panel.error_deg(pose) < 3.0
     assert not any("rows and columns" in reason for reason in pose.reasons)
-

@@ -72,9 +72,7 @@ def test_staggered_panels_need_no_alignment(view, grid, aligned):
 def test_distorted_photos(view, grid):
     panel = view(grid(3, 5), (20, -25, 8), at_px=(430, 170), std_px=0.01)
     camera = Camera.from_matrix(panel.camera.matrix, 640, 480, [-0.15, 0.03, 0.001, -0.001])
-    bent = [
-        replace(o, corners_px=camera.distort_points(o.corners_px)) for o in panel.outlines
-    ]
+    bent = [replace(o, corners_px=camera.distort_points(o.corners_px)) for o in panel.outlines]
     assert panel.error_deg(estimate_pose(bent, camera)) < 0.01
     assert panel.error_deg(estimate_pose(bent, panel.camera)) > 0.5
 
@@ -106,8 +104,7 @@ class TestInvariance:
         pose, panel = self.pose_and_view(view, grid, columns, rows, seed)
         camera = Camera.from_matrix(np.diag([2.5, 2.5, 1]) @ panel.camera.matrix, 1600, 1200)
         scaled = [
-            replace(o, corners_px=2.5 * o.corners_px, std_px=2.5 * o.std_px)
-            for o in panel.outlines
+            replace(o, corners_px=2.5 * o.corners_px, std_px=2.5 * o.std_px) for o in panel.outlines
         ]
         other = estimate_pose(scaled, camera, square=True)
         assert degrees_between(pose, other) < 1e-6
@@ -156,7 +153,7 @@ def test_one_button_off_its_row_does_not_bend_the_pose(view, grid, seed):
     # Its shape is right and still counts; its row and column let it go.
     panel = view(grid(3, 5), (20, -15, 8)).noisy(seed, 0.3)
     outlines = list(panel.outlines)
-    outlines[7] = replace(outlines[7], corners_px=outlines[7].corners_px + [5, -4])
+    outlines[7] = replace(outlines[7], corners_px=np.add(outlines[7].corners_px, [5, -4]))
     pose = estimate_pose(outlines, panel.camera)
     assert degrees_between(pose, estimate_pose(panel.outlines, panel.camera)) < 0.5
     moved = pose.plane_corners[7].mean(axis=0) - pose.plane_corners[[6, 8]].mean(axis=(0, 1))
@@ -247,7 +244,7 @@ def test_lines_in_another_plane_count_as_well(view, grid):
         alone.append(slope_deg(before, ends))
         helped.append(slope_deg(after, ends))
     assert max(helped) < 0.1
-    assert np.median(alone) > 0.3
+    assert np.mean(helped) < 0.3 * np.mean(alone)
 
 
 # --- focal length

@@ -120,7 +120,7 @@ def test_frontal_with_noise_is_within_its_deviation(known):
     for seed in range(10):
         rng = np.random.default_rng(seed)
         outlines = [
-            Outline.quad(SQUARE + [260 + 60 * i, 150 + 60 * j] + rng.normal(0, 0.3, (4, 2)))
+            Outline.quad(SQUARE + rng.normal([260 + 60 * i, 150 + 60 * j], 0.3, (4, 2)))
             for j in range(4)
             for i in range(3)
         ]
@@ -143,9 +143,7 @@ def test_outlines_of_no_plane_are_not_ok():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         outlines = [
-            Outline.quad(
-                SQUARE * rng.uniform(0.4, 1.3, (4, 2)) + [220 + 70 * i, 140 + 70 * j]
-            )
+            Outline.quad(SQUARE * rng.uniform(0.4, 1.3, (4, 2)) + [220 + 70 * i, 140 + 70 * j])
             for j in range(3)
             for i in range(2)
         ]

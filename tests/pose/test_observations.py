@@ -76,9 +76,7 @@ def test_distortion_is_removed_from_everything():
     assert np.linalg.norm(flat[0].corners_px - corners) > 5
     # The fitted ellipse goes through the undistorted outline.
     offset = camera.undistort_points(circle.points(40)) - flat[1].ellipse_px.center
-    value = np.einsum(
-        "ni,ij,nj->n", offset, np.linalg.inv(flat[1].ellipse_px.shape_matrix), offset
-    )
+    value = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(flat[1].ellipse_px.shape_matrix), offset)
     np.testing.assert_allclose(value, 1.0, atol=0.01)
 
     seen = observations(flat, camera, [LineSegment("horizontal", ends)])

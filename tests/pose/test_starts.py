@@ -65,7 +65,7 @@ def test_starts_have_everything_in_front_of_the_camera(px, py, round_):
         outline = Outline.ellipse(px, py, 20, 15)
         points = outline.ellipse_px.points(64)
     else:
-        points = np.array([[-15, -15], [15, -15], [15, 15], [-15, 15]]) + [px, py]
+        points = np.add([[-15, -15], [15, -15], [15, 15], [-15, 15]], [px, py])
         outline = Outline.quad(points)
     wide = PAPER_CAMERA.with_focal(120.0, 0.0)  # 139° wide: 30° tilts do not fit
     rays = np.column_stack([points, np.ones(len(points))]) @ np.linalg.inv(wide.matrix).T

@@ -68,6 +68,15 @@ def test_rows_and_columns_are_found_on_the_plane(view, grid, shape):
     assert (tied.tie_isd > 0).all()
 
 
+def test_staggered_rows_are_columns_of_their_own(view, grid):
+    # Every other row half a button to the right: four columns, not two.
+    buttons = [replace(b, x=b.x + 0.015 * (k // 2 % 2)) for k, b in enumerate(grid(2, 4))]
+    _, model, solution = solved(view(buttons, (15, -10, 5)))
+    tied = tied_model(model, solution)
+    assert same_partition(tied.tie_index[:, 0], [0, 2, 1, 3] * 2)
+    assert same_partition(tied.tie_index[:, 2], np.repeat([0, 1, 2, 3], 2))
+
+
 def test_a_button_by_itself_is_not_tied(view, grid):
     odd = LayoutButton(0.02, 0.13, 0.03, 0.03)  # between the columns, below the rows
     _, model, solution = solved(view((*grid(2, 3), odd), (10, 20, 5), distance_m=0.7))

@@ -33,7 +33,7 @@ def template_of(buttons, *, labels=True, sizes=True, origin=(200.0, -30.0)):
 
 
 def outlines_of(*texts):
-    return [Outline.quad(SQUARE + [0, 40 * k], text=text) for k, text in enumerate(texts)]
+    return [Outline.quad(np.add(SQUARE, [0, 40 * k]), text=text) for k, text in enumerate(texts)]
 
 
 # --- matching

@@ -86,6 +86,12 @@ def estimate_pose(
         return _without(camera, solver, "no_buttons", "no button outlines were given", 0)
     flat = undistorted(outlines, camera)
     if solver == "grid":
+        if square or not aligned or template is not None or lines:
+            raise InputError(
+                "estimate_pose",
+                'square, aligned, template and lines belong to solver="refine" only',
+                "leave them out, or use the default solver",
+            )
         return _grid_pose(flat, camera, grid)
     if solver != "refine":
         raise InputError("solver", f'expected "refine" or "grid", got {solver!r}')
@@ -241,11 +247,8 @@ def _grid_pose(flat: Sequence[Outline], camera: Camera, options: dict[str, Any])
         result: GridResult = search_grid(corners, camera.matrix, **options)
     except TypeError as error:
         raise InputError('solver="grid"', str(error)) from None
-    rays = np.linalg.solve(
-        camera.matrix, np.concatenate([corners.reshape(-1, 2).T, np.ones((1, corners.size // 2))])
-    )
-    plane = result.rotation @ rays
-    plane_corners = (plane[:2] / plane[2]).T.reshape(-1, 4, 2)
+    plane = _grid_plane(flat, camera, result.rotation)
+    residual = np.full(len(flat), np.nan)
     return PanelPose(
         status="uncertain",
         reasons=("the grid search knows no uncertainty",),
@@ -253,11 +256,29 @@ def _grid_pose(flat: Sequence[Outline], camera: Camera, options: dict[str, Any])
         rotation=result.rotation,
         covariance=np.full((3, 3), np.nan),
         camera=camera,
-        plane_corners=plane_corners,
-        residual_px=np.full(len(flat), np.nan),
+        plane_corners=plane,
+        residual_px=residual,
         weight=np.array([1.0 if o.shape == "quad" else 0.0 for o in flat]),
         cos_norm=result.cos_norm,
         final_cr=result.final_cr,
         focal_std=camera.focal_std,
         stopped=f"{result.evaluated} rotations evaluated",
     )
+
+
+def _grid_plane(flat: Sequence[Outline], camera: Camera, rotation: FloatArray) -> FloatArray:
+    """Corners (n, 4, 2) on the plane at depth 1; of ellipses those of their boxes there."""
+    to_plane = rotation @ np.linalg.inv(camera.matrix)
+    result = np.empty((len(flat), 4, 2))
+    for k, outline in enumerate(flat):
+        points = outline.corners_px
+        if points is None:
+            assert outline.ellipse_px is not None
+            points = outline.ellipse_px.points()
+        plane = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ to_plane.T
+        on_plane = plane[:, :2] / plane[:, 2:]
+        if outline.corners_px is None:
+            low, high = on_plane.min(axis=0), on_plane.max(axis=0)
+            on_plane = 0.5 * (low + high) + (high - low) * _SIGNS
+        result[k] = on_plane
+    return result

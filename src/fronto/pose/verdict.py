@@ -28,8 +28,10 @@ DETERMINED_STD_RAD = np.radians(15.0)
 #: second optimum is excluded only if it costs this much more.
 RIVAL_WITH_OUTLIERS = 40.0
 SMALL_PANEL = 4
-#: Cost above one per residual (eight a button) that shows a contradiction.
-RESIDUALS, CONFLICT = 8.0, 20.0
+#: Two buttons leave so little to spare that noise alone now and then prefers a wrong pose.
+RIVAL_OF_TWO = 15.0
+#: Deviations of χ² above its expectation that show a contradiction.
+CONTRADICTION = 3.5
 #: Weight below which an outline counts as set aside.
 SET_ASIDE = 0.5
 #: Residuals larger than this share of the button's size: no flat panel fits.
@@ -106,10 +108,11 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
     n = len(best.chi2)
     weight = weights(adjustment, best)
     aside = int((weight < SET_ASIDE).sum())
-    # Something does not fit, be it an outline or a row: on a small panel that is much.
-    conflict = best.cost > RESIDUALS * n + CONFLICT
-    small = n - aside <= SMALL_PANEL and (aside > 0 or conflict)
-    limit = RIVAL_WITH_OUTLIERS if small else RIVAL
+    small = n - aside <= SMALL_PANEL
+    conflict = small and (aside > 0 or _contradictory(adjustment))
+    kinds = set(adjustment.seen.kind.tolist())
+    split = small and len(adjustment.model.square_isd) > len(kinds)
+    limit = RIVAL_WITH_OUTLIERS if conflict or split else RIVAL_OF_TWO if n <= 2 else RIVAL
     rivals = tuple(
         k for k, other in enumerate(adjustment.solutions[1:], 1) if other.cost - best.cost < limit
     )
@@ -129,8 +132,8 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
         )
-    circles = not bool((adjustment.seen.kind == QUAD).any())
-    if n > 1 and (n - aside < 2 or (small and (n == 2 or circles))):
+    few = n == 2 or split or QUAD not in kinds
+    if n > 1 and (n - aside < 2 or (conflict and few)):
         reasons.append("the outlines contradict each other and are too few to tell which is wrong")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
@@ -143,6 +146,14 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
             "the panel appears rolled by more than 60°: wrong corner order, or a photo to be turned"
         )
     return Verdict("uncertain" if reasons else "ok", tuple(reasons), rivals)
+
+
+def _contradictory(adjustment: Adjustment) -> bool:
+    """Whether something does not fit, be it an outline or a row."""
+    best, groups = adjustment.solutions[0], len(adjustment.model.square_isd)
+    freedom = max(6 * len(best.chi2) - 3 - 2 * groups, 1)  # eight residuals, two for (x, y)
+    excess = best.cost - freedom > CONTRADICTION * np.sqrt(2 * freedom)
+    return bool(excess or adjustment.sigma_factor > 1)
 
 
 def _undetermined(n: int) -> str:
