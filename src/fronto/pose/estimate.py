@@ -82,7 +82,7 @@ def estimate_pose(
     'no_buttons'
     """
     check_outlines(outlines)
-    if not outlines:
+    if len(outlines) == 0:
         return _without(camera, solver, "no_buttons", "no button outlines were given", 0)
     flat = undistorted(outlines, camera)
     if solver == "grid":
@@ -133,7 +133,7 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
     cov = covariance(best, found.model)
-    verdict = judge(found, cov, size_px, sigma_px)
+    verdict = judge(found, cov, size_px, sigma_px, _aspect_std(found, cov))
     if verdict.status == "degenerate":
         cov = np.full(cov.shape, np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)

@@ -60,9 +60,12 @@ def _points(seen: Observations) -> FloatArray:
     """Rays (k, 3) of everything that must stay in front of the camera."""
     quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
     tangents = seen.observed[seen.kind == ELLIPSE].reshape(-1, 8, 3)
-    # Where an ellipse touches its tangents it lies on a box around its centre; the
-    # tangents' own feet are close enough to it.
-    feet = (tangents[..., :2] * tangents[..., 2:]).reshape(-1, 2)
+    # From the ellipse's centre straight to each tangent. Tangents 0 and 4 are parallel, so
+    # are 2 and 6: their mid-lines meet in the centre.
+    normal, h = tangents[..., :2], tangents[..., 2:]
+    middle_h = 0.5 * (h[:, [0, 2]] - h[:, [4, 6]])
+    center = np.linalg.solve(normal[:, [0, 2]], middle_h).transpose(0, 2, 1)
+    feet = (center + normal * (h - (normal * center).sum(axis=2, keepdims=True))).reshape(-1, 2)
     points = np.concatenate([quads, feet])
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 

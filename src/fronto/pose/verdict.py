@@ -38,7 +38,10 @@ SET_ASIDE = 0.5
 BAD_FIT = 0.12
 #: Rolls beyond this are more likely a wrong corner order or a photo to be turned.
 ROLLED_RAD = np.radians(60.0)
+#: A focal length less sure than this (standard deviation of ln f) has not been observed ...
 FOCAL_OBSERVABLE = 0.15
+#: ... which is harmless as long as squares would still come out square.
+OK_ASPECT_STD = 0.05
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,13 @@ def rotation_std(solution: Solution, cov: FloatArray) -> tuple[float, float]:
     return std, float(np.sqrt(max(np.linalg.eigvalsh(given)[-1], 0.0)))
 
 
-def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px: float) -> Verdict:
+def judge(
+    adjustment: Adjustment,
+    cov: FloatArray,
+    size_px: FloatArray,
+    sigma_px: float,
+    aspect_std: float | None,
+) -> Verdict:
     """Weigh the best solution.
 
     Parameters
@@ -103,6 +112,8 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         (n,): size of each button in the photo.
     sigma_px
         Deviation of the corners as the residuals have it.
+    aspect_std
+        Deviation of ln(width/height) of the rectified quads, None without quads.
     """
     best = adjustment.solutions[0]
     n = len(best.chi2)
@@ -131,6 +142,14 @@ def judge(adjustment: Adjustment, cov: FloatArray, size_px: FloatArray, sigma_px
         reasons.append(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
+        )
+    if (
+        cov[FOCAL, FOCAL] > FOCAL_OBSERVABLE**2
+        and aspect_std is not None
+        and aspect_std > OK_ASPECT_STD
+    ):
+        reasons.append(
+            f"the focal length does not show, so the aspect may be off by {100 * aspect_std:.0f} %"
         )
     few = n == 2 or split or QUAD not in kinds
     if n > 1 and (n - aside < 2 or (conflict and few)):
