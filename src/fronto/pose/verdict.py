@@ -143,14 +143,12 @@ def judge(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
         )
-    if (
-        cov[FOCAL, FOCAL] > FOCAL_OBSERVABLE**2
-        and aspect_std is not None
-        and aspect_std > OK_ASPECT_STD
-    ):
-        reasons.append(
-            f"the focal length does not show, so the aspect may be off by {100 * aspect_std:.0f} %"
-        )
+    if cov[FOCAL, FOCAL] > FOCAL_OBSERVABLE**2:
+        if aspect_std is not None and aspect_std > OK_ASPECT_STD:
+            off = 100 * aspect_std
+            reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
+        elif n <= SMALL_PANEL:
+            reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
     if n > 1 and (n - aside < 2 or (conflict and few)):
         reasons.append("the outlines contradict each other and are too few to tell which is wrong")
