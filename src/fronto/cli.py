@@ -228,13 +228,15 @@ class _Job:
             if translation != "none":
                 corners = _presupposed(found.outlines, width, height)
                 arguments = {**arguments, "standard_corners": corners}
+            lines = found.lines if arguments["solver"] == "refine" else ()
             panel = rectify_outlines(
-                image, found.outlines, camera, image_name=name, lines=found.lines, **arguments
+                image, found.outlines, camera, image_name=name, lines=lines, **arguments
             )
         except InputError as error:
             thing = f"photo {self.photo}, {error.thing}"
             raise InputError(thing, error.expected, error.remedy) from None
-        panel = replace(panel, notes=_notes(found.image, name, len(found.skipped)))
+        unused = len(found.lines) - len(lines)
+        panel = replace(panel, notes=_notes(found.image, name, len(found.skipped), unused))
         return panel, write_panel(panel, image, self.output, self.photo.stem)
 
 
@@ -316,12 +318,14 @@ def _presupposed(outlines: Sequence[Any], width: int, height: int) -> Any:
     return presupposed_corners(layout, width, height)
 
 
-def _notes(stated: str, name: str, skipped: int) -> tuple[str, ...]:
+def _notes(stated: str, name: str, skipped: int, unused: int) -> tuple[str, ...]:
     notes = []
     if stated and Path(stated).name != name:
         notes.append(f"the outlines state another photo: {stated}")
     if skipped:
         notes.append(f"{_count(skipped, 'unsure outline')} left out")
+    if unused:
+        notes.append(f"{_count(unused, 'line')} left out: the grid search does not use them")
     return tuple(notes)
 
 
