@@ -1,6 +1,6 @@
 """Rotation error, rectification error, honesty and speed of the pose solvers, side by side.
 
-    make bench            the whole table (about ten minutes on two cores)
+    make bench            the whole table (about eight minutes)
     python benchmarks/pose.py --quick      a tenth of it
 
 Scenes: `fronto.synth` (the paper's camera, each angle uniform in ±40°, 0.3-0.8 m, Gaussian
@@ -80,9 +80,9 @@ CELLS = [
     Cell("hall, 2-3 buttons", hall_layout, 0.3, 1000, 0),
     Cell("hall, sides >= 60 px", hall3, 0.3, 500, 300, "0.4 / 0.9", min_side_px=60),
     Cell("hall, photo's middle half", hall3, 0.3, 1000, 0, spread=0.5),
-    Cell("car, 12-20 buttons", car_layout, 0.3, 1000, 300, "0.5 / 1.6"),
-    Cell("car, 12-20 buttons", car_layout, 0.5, 500, 300, "0.7 / 2.8"),
-    Cell("car, 12-20 buttons", car_layout, 1.0, 500, 300),
+    Cell("car, 12-20 buttons", car_layout, 0.3, 1000, 100, "0.5 / 1.6"),
+    Cell("car, 12-20 buttons", car_layout, 0.5, 500, 100, "0.7 / 2.8"),
+    Cell("car, 12-20 buttons", car_layout, 1.0, 500, 100),
     Cell("circles, 4", circles4, 0.3, 500, 0, "0.6 / 3.3"),
     Cell("circles, 12-20", circles_car, 0.3, 500, 0, "0.25 / 0.9"),
     Cell("car, focal length unknown", car_layout, 0.3, 500, 0, known_focal=False),

@@ -34,7 +34,7 @@ MISFIT = 2.0
 #: What a button on no row (or column) costs when readings of the lattice are compared, in
 #: χ²: about as much as one that is on the wrong one.
 UNTIED = 30.0
-#: What one more size group has to gain, in χ² per button in it at the least.
+#: What one more size group has to gain, in χ².
 GROUP_GAIN = 10.0
 #: How upright cameras are held: deviation of the roll, where only circles are seen.
 UPRIGHT_RAD = np.radians(12.0)
@@ -123,7 +123,9 @@ def adjust(
         _, model, found = _with_structure(seen, model, found, shared)
     else:
         factor = 1.0
-    other = _other_roll(found[0].rotation, tried) if only_circles else None
+    # A template tells the roll even of circles.
+    rolls = only_circles and template is None
+    other = _other_roll(found[0].rotation, tried) if rolls else None
     return Adjustment(tuple(found), model, seen, float(factor), other)
 
 
