@@ -24,9 +24,9 @@ from fronto.shapes import FloatArray
 __all__ = ["base_model", "chains", "numbered", "size_groups", "tied_model"]
 
 #: Standard deviation of log(width/height) of buttons known to be square.
-SQUARE_STD = 0.01
+SQUARE_STD = 0.007
 #: Deviation of the distance of two buttons from their common row or column, in widths.
-ALIGN_STD = 0.005
+ALIGN_STD = 0.004
 #: Neighbours closer than this across a row or column are on the same one, in widths.
 ALIGN_GAP = 0.35
 #: Sizes that differ by less than this (logarithm), or by this many of their deviations,
