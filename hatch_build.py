@@ -33,6 +33,11 @@ def system_compiler() -> list[str] | None:
     return None
 
 
+def compiler() -> list[str]:
+    """The system's compiler, else Zig's; its default would be the building machine's own CPU."""
+    return system_compiler() or [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
+
+
 class NativeBuildHook(BuildHookInterface):  # type: ignore[misc]
     def dependencies(self) -> list[str]:
         return [] if system_compiler() else ["ziglang>=0.13"]
@@ -40,9 +45,8 @@ class NativeBuildHook(BuildHookInterface):  # type: ignore[misc]
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         folder = Path(self.root, "src", "fronto", "native")
         library = folder / f"_kernels{SUFFIX}"
-        compiler = system_compiler() or [sys.executable, "-m", "ziglang", "cc"]
         sources = sorted(str(path) for path in folder.glob("*.c"))
-        command = [*compiler, *FLAGS, "-shared", "-o", str(library), *sources]
+        command = [*compiler(), *FLAGS, "-shared", "-o", str(library), *sources]
         if sys.platform != "win32":
             command += ["-fPIC", "-fvisibility=hidden", "-lm"]
         try:
@@ -50,7 +54,7 @@ class NativeBuildHook(BuildHookInterface):  # type: ignore[misc]
         except (OSError, subprocess.CalledProcessError) as error:
             detail = getattr(error, "stderr", "") or str(error)
             raise RuntimeError(
-                f"fronto: the C kernels did not compile with {compiler[0]!r}; "
+                f"fronto: the C kernels did not compile with {command[0]!r}; "
                 f"set CC to a working C99 compiler.\n{detail}"
             ) from error
         build_data["pure_python"] = False

@@ -188,10 +188,32 @@ def test_unsure_outlines_are_left_out_and_said_so(room: Room) -> None:
     values["buttons"][2]["unsure"] = True
     unsure = room.write("unsure.json", values)
     assert "5 buttons" in room.rectify(outlines=unsure).stdout
+    assert room.result()["status"] == "ok"
     notes = " ".join(room.result()["notes"])
     assert "1 unsure outline" in notes
     assert "other.jpg" in notes
     assert "6 buttons" in room.rectify("--include-unsure", outlines=unsure).stdout
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_only_unsure_outlines_are_the_reason_for_no_buttons(room: Room, count: int) -> None:
+    values = outline_values()
+    values["buttons"] = [{**button, "unsure": True} for button in values["buttons"][:count]]
+    result = room.rectify(outlines=room.write("unsure.json", values))
+    assert result.exit_code == 0
+    found = room.result()
+    assert found["status"] == "no_buttons"
+    (reason,) = found["reasons"]
+    assert ("all 6 outlines" if count == 6 else "the only outline") in reason
+    assert "marked unsure; --include-unsure" in reason
+    assert reason in result.stdout
+
+
+def test_a_picture_that_had_to_be_smaller_is_noted(room: Room) -> None:
+    room.rectify("--camera", room.camera, "--scale", 100)
+    assert any("scaled down to" in note for note in room.result()["notes"])
+    room.rectify("--camera", room.camera)
+    assert room.result()["notes"] == []
 
 
 def test_options_reach_the_solver_and_the_warp(room: Room) -> None:
@@ -264,6 +286,12 @@ def test_grid_translation_is_for_the_papers_panels(room: Room) -> None:
         ["--focal-px", 0],
         ["--focal-px", -500],
         ["--scale", 0],
+        ["--scale", "nan"],
+        ["--scale", "inf"],
+        ["--focal-px", "nan"],
+        ["--hfov", "nan"],
+        ["--margin", "nan"],
+        ["--solver", "grid", "--range-deg", "nan", 5],
         ["--step-deg", 5],
         ["--solver", "grid", "--square"],
         ["--solver", "grid", "--template", "x"],
@@ -375,6 +403,36 @@ def test_several_photos_and_one_bad_one(room: Room) -> None:
     assert "c.json" in room.rectify(photos[0], photos[2], outlines=room.folder / "labels").stderr
 
 
+def test_when_every_photo_fails_the_input_is_wrong(room: Room) -> None:
+    photos = [room.add_photo(f"photos/{name}.jpg") for name in "ab"]
+    room.write("labels/none.json", outline_values())
+    result = room.rectify(*photos, outlines=room.folder / "labels")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert [name in line for name, line in zip("ab", result.stderr.splitlines(), strict=True)]
+    assert result.stderr.count("\n") == 2
+
+
+def test_a_shared_camera_file_is_refused_once(room: Room) -> None:
+    photos = [room.add_photo(f"photos/{name}.jpg") for name in "ab"]
+    for name in "ab":
+        room.write(f"labels/{name}.json", outline_values())
+    labels = room.folder / "labels"
+    bad = room.write("bad.yaml", "matrix: [500, 0")
+    for path in (bad, room.folder / "none.yaml"):
+        refused(room.rectify(*photos, "--camera", path, outlines=labels), path)
+    assert not room.out.exists()
+    # Whether it fits a photo is up to the photo.
+    Image.fromarray(np.zeros((640, 480, 3), np.uint8)).save(photos[1])
+    room.write("labels/b.json", {"buttons": outline_values()["buttons"][:1]})
+    result = room.rectify(*photos, "--camera", room.camera, outlines=labels)
+    assert result.exit_code == 1
+    assert "aspect" in result.stderr
+    assert result.stdout.startswith("a.jpg: ok")
+    # Without a size in the file the photo's will do.
+    plain = room.write("k.txt", "500 0 320 0 500 240 0 0 1")
+    assert room.rectify(photos[0], "--camera", plain, outlines=labels).exit_code == 0
+
+
 def test_several_photos_need_a_folder_of_outlines(room: Room) -> None:
     other = room.add_photo("other.jpg")
     refused(room.rectify(room.photo, other), "--outlines", room.outlines)
@@ -427,6 +485,13 @@ def test_camera_command_refuses_in_one_line(room: Room) -> None:
     bad = room.write("bad.json", {"matrix": [[0, 0, 1], [0, 0, 1], [0, 0, 1]], "width": 6})
     refused(CliRunner().invoke(main, ["camera", str(bad)]), bad)
     refused(CliRunner().invoke(main, ["camera", str(room.camera), "--width", "640"]), room.camera)
+
+
+def test_camera_command_names_its_options(room: Room) -> None:
+    plain = room.write("k.txt", "500 0 320 0 500 240 0 0 1")
+    refused(CliRunner().invoke(main, ["camera", str(plain)]), plain, "--width", "--height")
+    sized = ["camera", str(plain), "--width", "640", "--height", "480"]
+    assert CliRunner().invoke(main, sized).exit_code == 0
 
 
 def python(*arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:

@@ -103,6 +103,20 @@ def test_banner_grows_with_the_reasons() -> None:
     assert rows[1] > rows[0] + 30
 
 
+@pytest.mark.parametrize("status", ["degenerate", "no_buttons"])
+def test_a_placeholder_rotation_is_not_shown(status: Any) -> None:
+    def picture(angles: tuple[float, float, float], **changes: Any) -> np.ndarray:
+        pose = make_pose(PAPER_CAMERA, angles, **({"status": status} | changes))
+        return draw_overlay(GREY, pose, [])
+
+    unknown = picture((0, 0, 0), rotation=np.full((3, 3), np.nan))
+    np.testing.assert_array_equal(picture((0, 0, 0)), unknown)
+    np.testing.assert_array_equal(picture(ANGLES), unknown)
+    assert (unknown[200:-10, 10:-10] == 128).all()
+    uncertain = picture(ANGLES, status="uncertain")
+    assert (uncertain[200:-10, 10:-10] != 128).any()
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -112,7 +126,7 @@ def test_banner_grows_with_the_reasons() -> None:
     ],
 )
 def test_poses_without_numbers_are_drawn(changes: dict[str, Any]) -> None:
-    pose = make_pose(PAPER_CAMERA, (0, 0, 0), status="degenerate", **changes)
+    pose = make_pose(PAPER_CAMERA, (0, 0, 0), status="uncertain", **changes)
     assert (draw_overlay(GREY, pose, []) != GREY).any()
 
 

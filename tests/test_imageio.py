@@ -259,3 +259,11 @@ def test_png_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> Non
 def test_png_of_other_pixels_is_refused(tmp_path: Path, image: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"a\.png"):
         write_png(tmp_path / "a.png", image)
+
+
+def test_what_png_cannot_hold_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "wide.png"
+    with pytest.raises(InputError, match="encoder") as caught:
+        write_png(path, np.zeros((1, 1_100_000), np.uint8))  # libpng takes a million columns
+    assert str(path) in str(caught.value)
+    assert not path.exists()

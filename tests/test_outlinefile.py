@@ -348,3 +348,16 @@ def test_writing_to_a_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         write_outlines(tmp_path / "a.json", [], width_px=5)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity"])
+def test_nan_is_said_to_be_no_number_and_where(tmp_path: Path, literal: str) -> None:
+    path = tmp_path / "nan.json"
+    path.write_text('{"buttons": [\n {"corners_px": [[1, ' + literal + "]]}]}")
+    with pytest.raises(InputError) as refused:
+        read_outlines(path)
+    column = 21 + literal.startswith("-")  # ` {"corners_px": [[1, ` has 21 characters
+    assert f"line 2, column {column + 1}" in refused.value.thing
+    assert literal.lstrip("-") in refused.value.expected
+    assert "no number" in refused.value.expected
+    assert refused.value.remedy

@@ -121,6 +121,22 @@ def test_timing_covers_the_stages() -> None:
     assert timing["pose"] + timing["warp"] <= timing["total"]
 
 
+def test_a_picture_that_had_to_be_smaller_says_so() -> None:
+    free = fronto.rectify_outlines(photo(), OUTLINES, CAMERA, scale=2.0)
+    assert free.view is not None
+    assert free.notes == ()
+    area = free.view.width_px * free.view.height_px
+    same = fronto.rectify_outlines(photo(), OUTLINES, CAMERA, scale=2.0, max_pixels=area)
+    assert same.notes == ()
+    small = fronto.rectify_outlines(photo(), OUTLINES, CAMERA, scale=2.0, max_pixels=area // 4)
+    assert small.view is not None
+    (note,) = small.notes
+    assert f"{small.view.width_px}x{small.view.height_px}" in note
+    assert "scaled down" in note
+    assert (small.status, small.reasons) == (free.status, free.reasons)
+    assert note in small.to_dict()["notes"]
+
+
 def test_without_buttons_there_is_no_picture() -> None:
     panel = fronto.rectify_outlines(photo(), [], CAMERA)
     assert (panel.status, panel.view, panel.buttons) == ("no_buttons", None, ())

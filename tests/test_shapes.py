@@ -106,7 +106,10 @@ def test_good_corners_become_a_read_only_copy():
         ([[0, 0], [10, 0], [0, 10], [10, 10]], "crossing"),
         ([[0, 0], [10, 0], [3, 3], [0, 10]], "inwards"),
         ([[0, 0], [5, 0], [10, 0], [5, 10]], "inwards"),  # straight angle
+        ([[0, 0], [10, 0], [20, 0], [30, 0]], "on one line"),
+        ([[0, 0], [2, 1], [6, 3], [4, 2]], "on one line"),  # there and back
         ([[0, 0], [0, 10], [10, 10], [10, 0]], "mirrored"),
+        ([[0, 0], [5, 10], [10, 10], [15, 0.01]], "mirrored"),
         ([[10, 0], [0, 0], [0, 10], [10, 10]], "mirrored"),
         (SQUARE[:3], "shape"),
         ([*SQUARE, [5, 5]], "shape"),
@@ -278,3 +281,20 @@ def test_line_ends_are_a_read_only_copy():
     np.testing.assert_array_equal(line.ends_px, [[0, 0], [9, 1]])
     with pytest.raises(ValueError, match="read-only"):
         line.ends_px[0, 0] = 1
+
+
+def test_every_refusal_says_what_to_do() -> None:
+    square = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]
+    quads = {
+        "inwards": [*square[:2], [2.0, 2.0], square[3]],
+        "coinciding": [square[0], *square[:3]],
+        "NaN": [[np.nan, 0.0], *square[1:]],
+        "crossing": [square[0], square[2], square[1], square[3]],
+    }
+    for word, corners in quads.items():
+        with pytest.raises(InputError, match=word) as refused:
+            Outline.quad(corners)
+        assert refused.value.remedy
+    with pytest.raises(InputError, match="pixel apart") as short:
+        LineSegment("vertical", np.array([[3.0, 4.0], [3.0, 4.5]]))
+    assert short.value.remedy

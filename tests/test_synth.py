@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fronto import Camera
+from fronto import Camera, InputError
 from fronto.synth import (
     PAPER_CAMERA,
     Layout,
@@ -263,6 +263,44 @@ def test_outliers_hit_every_button():
     rng = np.random.default_rng(0)
     hit = [observe(rng, scene, 0.3, outlier_share=1.0).outlier for _ in range(60)]
     assert set(hit) == {0, 1, 2}
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"min_side_px": 1000.0}, "min_side_px"),
+        ({"max_oblique_deg": 0.0}, "max_oblique_deg"),
+        ({"distance_m": (0.01, 0.02)}, "distance_m"),
+    ],
+)
+def test_views_that_cannot_be_are_refused(options, named):
+    with pytest.raises(InputError, match=named):
+        scene_of(1, **options)
+
+
+@pytest.mark.parametrize("sigma", [np.nan, np.inf])
+def test_noise_without_a_number_is_refused(sigma):
+    with pytest.raises(InputError, match="sigma_px"):
+        observe(np.random.default_rng(0), scene_of(1), sigma, outlier_share=0)
+
+
+class Mirroring:
+    """A source of noise that puts every quad's corners in the wrong order."""
+
+    def integers(self, high):
+        return 2  # of three buttons the last one; of the kinds of outliers the misshapen one
+
+    def uniform(self):
+        return 0.0
+
+    def normal(self, mean, std, size):
+        return std * 1e6 * np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]])
+
+
+def test_outliers_that_cannot_be_are_refused():
+    scene = scene_of(2, lambda rng: hall_layout(rng, 3))
+    with pytest.raises(InputError, match="outlier_share"):
+        observe(Mirroring(), scene, 0.0, outlier_share=1.0)
 
 
 def test_the_papers_camera():

@@ -299,10 +299,22 @@ def test_pose_that_cannot_be_used_is_named_with_its_reasons() -> None:
         {"rotation": np.diag([1.0, -1.0, -1.0])},  # the panel behind the camera
     ):
         bad = make_pose(
-            PAPER_CAMERA, (0, 0, 0), status="degenerate", reasons=("one line only",), **changes
+            PAPER_CAMERA, (0, 0, 0), status="uncertain", reasons=("one line only",), **changes
         )
-        with pytest.raises(InputError, match=r"degenerate.*one line only"):
+        with pytest.raises(InputError, match=r"uncertain.*one line only") as refused:
             warp_panel(image, PAPER_CAMERA, bad)
+        assert refused.value.thing == "pose"
+
+
+def test_pose_whose_status_stands_for_no_rotation_is_refused() -> None:
+    image = noise(480, 640)
+    for status in ("degenerate", "no_buttons"):
+        pose = make_pose(PAPER_CAMERA, (10, 0, 0), status=status, reasons=("one line only",))
+        with pytest.raises(InputError, match=rf"{status}.*one line only") as refused:
+            warp_panel(image, PAPER_CAMERA, pose)
+        assert refused.value.thing == "pose"
+    uncertain = make_pose(PAPER_CAMERA, (10, 0, 0), status="uncertain")
+    assert warp_panel(image, PAPER_CAMERA, uncertain).image.size
     edge_on = make_pose(PAPER_CAMERA, (0, 0, 0), buttons=0, rotation=np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(InputError, match="horizon"):
         warp_panel(image, PAPER_CAMERA, edge_on)

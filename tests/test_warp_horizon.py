@@ -115,6 +115,36 @@ def test_fisheye_whose_photo_shows_more_than_a_half_space() -> None:
     assert np.isnan(middle[1]).all()
 
 
+def test_fisheye_corners_far_off_axis_do_not_make_the_canvas_large() -> None:
+    # The photo's corners lie 799 px = 88 degrees off the axis: tan 88° = 30 focal lengths.
+    matrix = [[520, 0, 639.5], [0, 525, 479.5], [0, 0, 1]]
+    camera = Camera.from_matrix(matrix, 1280, 960, np.zeros(4), "equidistant")
+    photo = np.full((960, 1280), 90, np.uint8)
+    view = warp_panel(photo, camera, make_pose(camera, (-16, -15, 31)), crop="full", scale=0.25)
+    assert view.scale == pytest.approx(0.25)
+    assert (view.image[..., 3] > 0).mean() > 0.3
+    # Head-on it is sqrt(520 x 525) tan 70° = 1435.5 px wide to either side. Upwards the photo
+    # reaches 480 / 525 = 0.914 rad of the 1.222 rad that are 70°: tan 70° x 0.914 / 1.222 =
+    # 2.056 focal lengths or 1074 px, where its border meets that circle.
+    head_on = warp_panel(photo, camera, make_pose(camera, (0, 0, 0)), crop="full", scale=0.25)
+    assert head_on.width_px == pytest.approx(0.5 * 1435.5, abs=2)
+    assert head_on.height_px == pytest.approx(0.5 * 1074, rel=0.1)  # the border is sampled
+    middle = map_points(head_on, [[639.5, 479.5]])[0]
+    size = np.array([head_on.width_px, head_on.height_px])
+    np.testing.assert_allclose(middle + 0.5, size / 2, atol=1.0)
+    # Of what lies further off the axis the canvas shows what falls on it.
+    y, x = np.nonzero(head_on.image[..., 3])
+    rays = camera.rays(map_points(head_on, np.column_stack([x, y]), inverse=True))
+    assert np.hypot(rays[:, 0], rays[:, 1]).max() > np.tan(np.radians(70.5))
+
+
+def test_a_wide_pinhole_is_shown_as_a_whole() -> None:
+    # 640 px at f = 80: 76 degrees to either side, with no needles, since the photo is flat.
+    camera = Camera.from_matrix([[80, 0, 319.5], [0, 80, 239.5], [0, 0, 1]], 640, 480)
+    view = warp_panel(noise(480, 640), camera, make_pose(camera, (0, 0, 0)), crop="full")
+    assert view.image.shape == (480, 640, 4)
+
+
 def test_clip_of_a_square_by_hand() -> None:
     square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
     kept = clip_half_plane(square, [1.0, 1.0, -1.0])  # x + y >= 1 cuts the first corner

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +25,21 @@ __all__ = ["main"]
 SOME_FAILED, BAD_INPUT, NOT_OK = 1, 2, 3
 
 FILE = click.Path(path_type=Path)
-POSITIVE = click.FloatRange(min=0, min_open=True)
+
+
+class _Range(click.FloatRange):
+    """A range of finite numbers: NaN lies in every range, as comparisons have it."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number, got {value}; give one in digits.", param, ctx)
+        return number
+
+
+POSITIVE = _Range(min=0, min_open=True)
 
 
 class _Group(click.Group):
@@ -64,7 +79,7 @@ def main() -> None:
 )
 @click.option(
     "--hfov",
-    type=click.FloatRange(0, 180, min_open=True, max_open=True),
+    type=_Range(0, 180, min_open=True, max_open=True),
     metavar="DEG",
     help="The camera's horizontal field of view instead.",
 )
@@ -91,13 +106,13 @@ def main() -> None:
 @click.option("--scale", type=POSITIVE, default=1.0, show_default=True, help="Its enlargement.")
 @click.option(
     "--margin",
-    type=click.FloatRange(min=0),
+    type=_Range(min=0),
     default=0.5,
     show_default=True,
     help="Around the buttons, in button sides (--crop panel).",
 )
 @click.option(
-    "--range-deg", type=float, nargs=2, metavar="A B", help="Grid: the angles' range.  [-40 40]"
+    "--range-deg", type=_Range(), nargs=2, metavar="A B", help="Grid: the angles' range.  [-40 40]"
 )
 @click.option("--step-deg", type=POSITIVE, metavar="DEG", help="Grid: its step.  [0.5]")
 @click.option("--criterion", type=click.Choice(["inverse", "paper"]), help="Grid: K_rV.  [inverse]")
@@ -131,8 +146,8 @@ def rectify(
     For each PHOTO writes DIR/<stem>.json, DIR/<stem>.overlay.png and, where the outlines
     determine a rotation, DIR/<stem>.rectified.png; prints one line with the verdict.
 
-    Exit codes: 0 done; 1 some of several photos could not be used; 2 wrong input;
-    3 with --strict: a result is not ok.
+    Exit codes: 0 done; 1 some photos could not be used, others could; 2 wrong input, or no
+    photo could be used; 3 with --strict: a result is not ok.
     """
     if sum(choice is not None for choice in (camera_file, hfov, focal_px)) > 1:
         raise click.UsageError("give one of --camera, --hfov and --focal-px")
@@ -142,6 +157,10 @@ def rectify(
         from fronto.templatefile import read_template
 
         arguments["template"] = read_template(template_file)
+    if camera_file is not None:
+        from fronto.camera.files import check_camera_file
+
+        check_camera_file(camera_file)  # once for all photos
     source = _CameraSource(camera_file, hfov, focal_px)
     failed, not_ok = 0, 0
     for job in jobs:
@@ -155,7 +174,7 @@ def rectify(
         if not quiet:
             _say(_verdict(panel, files))
     if failed:
-        ctx.exit(SOME_FAILED if len(jobs) > 1 else BAD_INPUT)
+        ctx.exit(SOME_FAILED if failed < len(jobs) else BAD_INPUT)
     if strict and not_ok:
         ctx.exit(NOT_OK)
 
@@ -236,7 +255,10 @@ class _Job:
             thing = f"photo {self.photo}, {error.thing}"
             raise InputError(thing, error.expected, error.remedy) from None
         unused = len(found.lines) - len(lines)
-        panel = replace(panel, notes=_notes(found.image, name, len(found.skipped), unused))
+        notes = _notes(found.image, name, len(found.skipped), unused)
+        panel = replace(panel, notes=(*panel.notes, *notes))
+        if found.skipped and not found.outlines:
+            panel = _all_unsure(panel, len(found.skipped))
         return panel, write_panel(panel, image, self.output, self.photo.stem)
 
 
@@ -316,6 +338,13 @@ def _presupposed(outlines: Sequence[Any], width: int, height: int) -> Any:
         )
     layout: Any = {2: "up_down", 3: "up_down_keyhole"}[count]
     return presupposed_corners(layout, width, height)
+
+
+def _all_unsure(panel: Panel, count: int) -> Panel:
+    """Say why there was nothing to solve, though there are outlines."""
+    subject = "the only outline is" if count == 1 else f"all {count} outlines are"
+    reasons = (f"{subject} marked unsure; --include-unsure uses {'it' if count == 1 else 'them'}",)
+    return replace(panel, reasons=reasons, pose=replace(panel.pose, reasons=reasons))
 
 
 def _notes(stated: str, name: str, skipped: int, unused: int) -> tuple[str, ...]:

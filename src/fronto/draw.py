@@ -40,6 +40,8 @@ STATUS: dict[Status, tuple[Color, str]] = {
     "degenerate": ((180, 20, 20), "DEGENERATE: the outlines determine no rotation"),
     "no_buttons": ((180, 20, 20), "NO BUTTONS: nothing to solve"),
 }
+#: Their rotation is a placeholder: neither axes nor angles may be shown.
+UNDETERMINED: tuple[Status, ...] = ("degenerate", "no_buttons")
 #: Letters' size for a 640 px wide photo, in cv2's measure.
 FONT = 0.45
 #: Sub-pixel bits of cv2's drawing functions.
@@ -55,7 +57,8 @@ def draw_overlay(
 
     Each outline has its category's colour, its text (else its category) beside it, and dots at
     its corners, the first one large. At the buttons' centroid red points along the panel's
-    rows (x) and green down its columns (y). Texts are ASCII; other signs become "?".
+    rows (x) and green down its columns (y), unless the rotation is not determined. Texts are
+    ASCII; other signs become "?".
 
     Parameters
     ----------
@@ -269,7 +272,9 @@ def _is_free(
 def _draw_axes(canvas: Picture, pose: PanelPose, unit: float) -> None:
     import cv2
 
-    quads = np.asarray(pose.plane_corners, dtype=np.float64).reshape(-1, 4, 2)
+    if pose.status in UNDETERMINED:
+        return
+    quads = pose.plane_corners.reshape(-1, 4, 2)
     if not (len(quads) and np.isfinite(quads).all() and np.isfinite(pose.rotation).all()):
         return
     middle = quads.mean(axis=(0, 1))
@@ -321,7 +326,7 @@ def _draw_banner(canvas: Picture, pose: PanelPose, unit: float) -> None:
 
 
 def _rotation_words(pose: PanelPose) -> str:
-    if not np.isfinite(pose.rotation).all():
+    if pose.status in UNDETERMINED or not np.isfinite(pose.rotation).all():
         return "rotation not determined"
     known = np.isfinite(pose.covariance).all()
     stds = pose.std_deg if known else (np.nan,) * 3

@@ -89,7 +89,7 @@ def decode_json(content: bytes, kind: type[T], thing: str) -> T:
     Raises
     ------
     InputError
-        Naming `thing` and the field, or the line and column of malformed JSON.
+        Naming `thing` and the field, or the line and column of malformed JSON (such as NaN).
     """
     content = content.removeprefix(b"\xef\xbb\xbf")
     try:
@@ -106,11 +106,19 @@ def decode_json(content: bytes, kind: type[T], thing: str) -> T:
         assert found is not None
         what = found[1]
         where = len(content) if found[2] is None else int(found[2])
+    literal = re.match(rb"NaN|Infinity", content[where:])
     before = content[:where]
     line = before.count(b"\n") + 1
     column = len(before[before.rfind(b"\n") + 1 :].decode(errors="replace")) + 1
+    place = f"{thing}, line {line}, column {column}"
+    if literal is not None:
+        raise InputError(
+            place,
+            f"expected a number, got {literal[0].decode()}, which is no number in JSON",
+            "write the number, or leave out what has none",
+        )
     raise InputError(
-        f"{thing}, line {line}, column {column}",
+        place,
         f"expected JSON, got malformed text ({what[:1].lower()}{what[1:]})",
         "correct it there",
     )

@@ -101,7 +101,7 @@ def write_png(path: str | Path, image: npt.NDArray[Any]) -> None:
     Raises
     ------
     InputError
-        If the image is of another type, or the file cannot be written.
+        If the image is of another type or too large for PNG, or the file cannot be written.
     """
     import cv2
 
@@ -118,7 +118,17 @@ def write_png(path: str | Path, image: npt.NDArray[Any]) -> None:
         )
     code = order[channels]
     swapped = image if code is None else cv2.cvtColor(image, code)
-    _, content = cv2.imencode(".png", swapped, [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION])
+    options = [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION]
+    try:
+        encoded, content = cv2.imencode(".png", swapped, options)
+    except cv2.error:  # OpenCV's versions differ in which failures they raise
+        encoded = False
+    if not encoded:
+        raise InputError(
+            f"picture for {path}",
+            f"expected a size that PNG's encoder takes, got shape {image.shape}",
+            "scale it down",
+        )
     write_bytes(Path(path), content.tobytes())
 
 

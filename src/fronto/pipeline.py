@@ -13,11 +13,15 @@ import numpy.typing as npt
 from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.pose import Template, estimate_pose
+from fronto.pose.observations import TOLERANCE
 from fronto.results import Button, Panel, PanelPose, RectifiedView
 from fronto.shapes import Ellipse, FloatArray, LineSegment, Outline
 from fronto.warp import Crop, map_ellipse, map_points, warp_panel
 
 __all__ = ["rectify_outlines"]
+
+#: A change of the asked scale that needs no note.
+SCALE_KEPT = 0.01
 
 
 def rectify_outlines(
@@ -32,6 +36,7 @@ def rectify_outlines(
     square: bool = False,
     aligned: bool = True,
     template: Template | None = None,
+    tolerance: float = TOLERANCE,
     scale: float = 1.0,
     margin: float = 0.5,
     max_pixels: int = 16_000_000,
@@ -51,7 +56,7 @@ def rectify_outlines(
         along where the panel shows it.
     image_name
         The photo's file name, for the result.
-    solver, lines, square, aligned, template, grid
+    solver, lines, square, aligned, template, tolerance, grid
         As of :func:`fronto.estimate_pose`.
     crop, scale, margin, max_pixels
         As of :func:`fronto.warp_panel`.
@@ -60,7 +65,7 @@ def rectify_outlines(
     -------
     The result. Its `view` is there for the status "ok" and "uncertain" only: without a
     rotation a head-on picture would be invented. `timing_ms` has "pose", "warp" and
-    "total".
+    "total". `notes` say where the picture had to be smaller than `scale` asks.
 
     Raises
     ------
@@ -95,6 +100,7 @@ def rectify_outlines(
         square=square,
         aligned=aligned,
         template=template,
+        tolerance=tolerance,
         **grid,
     )
     posed = time.perf_counter()
@@ -104,6 +110,7 @@ def rectify_outlines(
         pose, view = _view(image, pose, options)
     warped = time.perf_counter()
     buttons = _buttons(outlines, pose, view)
+    notes = () if view is None else _scale_notes(view, scale)
     end = time.perf_counter()
     return Panel(
         image=image_name,
@@ -119,6 +126,7 @@ def rectify_outlines(
             "warp": 1e3 * (warped - posed),
             "total": 1e3 * (end - begin),
         },
+        notes=notes,
     )
 
 
@@ -143,6 +151,14 @@ def _view(
             raise
         reason = f"no head-on picture: {error.expected}"
         return replace(pose, status="uncertain", reasons=(*pose.reasons, reason)), None
+
+
+def _scale_notes(view: RectifiedView, scale: float) -> tuple[str, ...]:
+    if abs(view.scale / scale - 1) <= SCALE_KEPT:
+        return ()
+    size = f"{view.width_px}x{view.height_px} px"
+    factors = f"{view.scale:.3g} times the photo's scale instead of {scale:g}"
+    return (f"the picture was scaled down to {size}, {factors}",)
 
 
 def _buttons(

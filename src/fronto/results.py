@@ -1,6 +1,6 @@
 """What the stages hand on: immutable, typed, with units in the names.
 
-Arrays are read-only float64. See ``docs/result.md`` for the JSON form
+Arrays are read-only copies, float64 but for pictures. See ``docs/result.md`` for the JSON form
 (schema ``fronto.panel/1``).
 """
 
@@ -21,6 +21,13 @@ __all__ = ["Button", "Panel", "PanelPose", "RectifiedView", "Status"]
 
 Status = Literal["ok", "uncertain", "degenerate", "no_buttons"]
 SCHEMA = "fronto.panel/1"
+
+
+def _read_only(values: npt.ArrayLike) -> FloatArray:
+    """Copy as read-only float64; NaN stands for what is not determined."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +105,10 @@ class PanelPose:
     alternatives: tuple[PanelPose, ...] = ()
     stopped: str = ""
 
+    def __post_init__(self) -> None:
+        for name in ("rotation", "covariance", "plane_corners", "residual_px", "weight"):
+            object.__setattr__(self, name, _read_only(getattr(self, name)))
+
     @property
     def normal(self) -> FloatArray:
         """The panel's normal into the wall, in the camera frame, shape (3,)."""
@@ -152,6 +163,13 @@ class RectifiedView:
     camera: Camera
     crop: str
     scale: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "homography", _read_only(self.homography))
+        if self.image.flags.writeable:  # warp_panel hands its picture over: no copy of megabytes
+            image = self.image.copy()
+            image.setflags(write=False)
+            object.__setattr__(self, "image", image)
 
     @property
     def width_px(self) -> int:

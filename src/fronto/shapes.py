@@ -27,8 +27,15 @@ MIN_AXIS_PX = 1e-3
 DEFAULT_STD_PX = 0.5
 
 
-def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...], thing: str) -> FloatArray:
+def frozen_array(
+    values: npt.ArrayLike,
+    shape: tuple[int, ...],
+    thing: str,
+    remedy: str = "correct them, or leave out what has none",
+) -> FloatArray:
     """Copy `values` to a read-only float64 array of the given shape (-1: any length).
+
+    `remedy` is what the user can do about NaN and infinity.
 
     Raises
     ------
@@ -44,7 +51,7 @@ def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...], thing: str) -> F
     ):
         raise InputError(thing, f"expected an array of shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():
-        raise InputError(thing, "expected finite numbers, got NaN or infinity")
+        raise InputError(thing, "expected finite numbers, got NaN or infinity", remedy)
     array.setflags(write=False)
     return array
 
@@ -290,7 +297,11 @@ class LineSegment:
             raise InputError("std_px", f"expected a positive number of pixels, got {self.std_px}")
         ends = frozen_array(self.ends_px, (2, 2), "line ends_px")
         if np.linalg.norm(ends[1] - ends[0]) < 1.0:
-            raise InputError("line ends_px", "expected two points at least one pixel apart")
+            raise InputError(
+                "line ends_px",
+                "expected two points at least one pixel apart",
+                "give the ends of a longer line, or leave it out",
+            )
         object.__setattr__(self, "ends_px", ends)
 
 
@@ -304,8 +315,8 @@ def check_corners(corners: npt.ArrayLike) -> FloatArray:
     Raises
     ------
     InputError
-        Naming what is wrong: NaN, coinciding corners, crossing sides, a corner that
-        turns inwards, or corners that run counter-clockwise (mirrored).
+        Naming what is wrong: NaN, coinciding corners, corners on one line, crossing
+        sides, a corner that turns inwards, or corners that run counter-clockwise (mirrored).
     """
     array = frozen_array(corners, (4, 2), "corners")
     sides = np.roll(array, -1, axis=0) - array
@@ -313,9 +324,19 @@ def check_corners(corners: npt.ArrayLike) -> FloatArray:
     diagonals = np.hypot(*(array[2:] - array[:2]).T)
     scale = float(max(lengths.max(), diagonals.max()))
     if scale == 0 or min(lengths.min(), diagonals.min()) < 1e-6 * scale:
-        raise InputError("corners", "expected four different points, got coinciding ones")
+        raise InputError(
+            "corners",
+            "expected four different points, got coinciding ones",
+            "mark all four corners, or leave the button out",
+        )
     turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
     order = "order them top-left, top-right, bottom-right, bottom-left (fronto.order_corners does)"
+    if (np.abs(turns) <= 1e-9 * scale**2).all():
+        raise InputError(
+            "corners",
+            "expected a convex quadrilateral, got points on one line",
+            "mark all four corners, or leave the button out",
+        )
     if (turns <= 1e-9 * scale**2).all():
         raise InputError(
             "corners", "expected clockwise corners, got counter-clockwise (mirrored) ones", order
@@ -324,7 +345,11 @@ def check_corners(corners: npt.ArrayLike) -> FloatArray:
         return array
     if sum(turns > 0) == 2:
         raise InputError("corners", "expected a simple quadrilateral, got crossing sides", order)
-    raise InputError("corners", "expected a convex quadrilateral, got a corner that turns inwards")
+    raise InputError(
+        "corners",
+        "expected a convex quadrilateral, got a corner that turns inwards",
+        "mark that corner again, or leave the button out",
+    )
 
 
 def order_corners(points: npt.ArrayLike | Sequence[Sequence[float]]) -> FloatArray:

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fronto.camera import Camera
+from fronto.camera.files import check_camera_file
 from fronto.errors import InputError
 
 K = [[500.5, 0.0, 320.25], [0.0, 501.5, 239.75], [0.0, 0.0, 1.0]]
@@ -258,6 +259,50 @@ def test_bare_matrix(tmp_path: Path, text: str) -> None:
     refusal(file, "name", width_px=640, height_px=480, name="cam0")
     broken = write(tmp_path, "500 0 nan 0 500 240 0 0 1")
     refusal(broken, "finite", width_px=640, height_px=480)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "- [500.5, 0, 320.25]\n- [0, 501.5, 239.75]\n- [0, 0, 1]\n",
+        "# rows\n---\n- [5.005e+2, 0, 320.25]\n- - 0\n  - 501.5\n  - 239.75\n- [0, 0, 1]\n",
+        "camera_matrix:\n- [500.5, 0, 320.25]\n- [0, 501.5, 239.75]\n- [0, 0, 1]\n",
+    ],
+)
+def test_matrix_as_yaml_rows(tmp_path: Path, text: str) -> None:
+    camera = Camera.from_file(write(tmp_path, text), 640, 480)
+    np.testing.assert_array_equal(camera.matrix, K)
+    short = text.replace(", 0, 1]", ", 1]")
+    refusal(write(tmp_path, short), "matrix", "8", width_px=640, height_px=480)
+
+
+def test_a_yaml_list_of_something_else_is_refused(tmp_path: Path) -> None:
+    refusal(write(tmp_path, "- a\n- b\n- c\n"), "other text")
+
+
+def test_a_file_without_a_size_names_the_options_too(tmp_path: Path) -> None:
+    refusal(write(tmp_path, "500 0 320 0 500 240 0 0 1"), "width_px", "--width", "--height")
+
+
+def test_a_shared_file_is_checked_without_a_photo(tmp_path: Path) -> None:
+    matrix = "500 0 3000 0 500 2000 0 0 1"
+    check_camera_file(write(tmp_path, matrix))  # no size: that of the photo will do
+    check_camera_file(
+        write(tmp_path, f"K: [{matrix.replace(' ', ', ')}]\nimage_size: [5000, 4000]")
+    )
+    for bad in (
+        matrix.replace("500 0", "-500 0", 1),
+        matrix.replace("3000", "nan"),
+        f"K: [{matrix.replace(' ', ', ')}]\nimage_size: [640, 480]",
+        f"K: [{matrix.replace(' ', ', ')}]\nD: [0.1]",
+    ):
+        path = write(tmp_path, bad)
+        with pytest.raises(InputError) as refused:
+            check_camera_file(path)
+        assert str(path) in refused.value.thing
+        assert refused.value.remedy
+    with pytest.raises(InputError, match=r"none\.yaml"):
+        check_camera_file(tmp_path / "none.yaml")
 
 
 def test_npy(tmp_path: Path) -> None:

@@ -155,8 +155,8 @@ def test_bad_size(size: tuple[int, int]) -> None:
         ([0.1] * 6, None, "coefficients"),
         ([0.1] * 8, "plumb_bob", "4 or 5"),
         ([0.1] * 5, "rational_polynomial", "8 or 12 or 14"),
-        ([0.1] * 5, "equidistant", "takes 4"),
-        ([0.1] * 4, "none", "takes 0"),
+        ([0.1] * 5, "equidistant", "expected 4 "),
+        ([0.1] * 4, "none", "expected 0 "),
         ([0.1, np.inf, 0, 0], None, "finite"),
         ([0.1] * 4, "omni", "distortion_model"),
         ([[0.1] * 4], None, "shape"),
@@ -232,6 +232,26 @@ def test_with_focal() -> None:
     for focal in (0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match="focal_px"):
             camera.with_focal(focal, 0.1)
+
+
+def test_an_estimated_focal_length_says_what_it_started_from() -> None:
+    start = Camera.default(640, 480)
+    once = start.with_focal(500.0, 0.05)
+    assert once.detail == f"estimated from the panel, start: {start.detail}"
+    assert once.with_focal(510.0, 0.04).detail == once.detail
+    assert start.with_focal(500.0, 0.3, "default").detail == start.detail
+    bare = Camera.from_matrix([[500, 0, 320], [0, 500, 240], [0, 0, 1]], 640, 480)
+    assert bare.with_focal(510.0, 0.1).detail == "estimated from the panel"
+
+
+def test_refused_numbers_come_with_a_remedy() -> None:
+    good = [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
+    bad = [[500, 0, float("nan")], [0, 500, 240], [0, 0, 1]]
+    for matrix, distortion in ((bad, ()), (good, (0.1, 0.0, 0.0)), (good, (float("nan"),) * 4)):
+        with pytest.raises(InputError) as refused:
+            Camera.from_matrix(matrix, 640, 480, distortion)
+        assert refused.value.remedy
+        assert refused.value.expected.startswith("expected")
 
 
 def test_rays_and_projection_by_hand() -> None:
@@ -399,7 +419,7 @@ def test_dictionary_is_plain_json() -> None:
         "focal_std": 0.1,
         "width_px": 640,
         "height_px": 480,
-        "detail": "",
+        "detail": "estimated from the panel",
     }
 
 

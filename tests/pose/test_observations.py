@@ -14,7 +14,7 @@ SQUARE = np.array([[300, 200], [340, 200], [340, 240], [300, 240]], dtype=float)
 
 
 def test_quads_by_hand():
-    seen = observations([Outline.quad(SQUARE, std_px=0.5)], CAMERA)
+    seen = observations([Outline.quad(SQUARE, std_px=0.5)], CAMERA, tolerance=0)
     assert seen.kind.tolist() == [QUAD]
     # u = (x - 320)/200, v = (y - 240)/100
     expected = [-0.1, -0.4, 0.1, -0.4, 0.1, 0.0, -0.1, 0.0]
@@ -57,7 +57,9 @@ def test_tangents_touch_the_ellipse(cx, cy, a, ratio, angle):
 
 def test_tangents_fix_a_circles_center_to_its_deviation():
     square_pixels = Camera.from_matrix([[300, 0, 320], [0, 300, 240], [0, 0, 1]], 640, 480)
-    seen = observations([Outline.ellipse(350, 260, 20, 20, std_px=0.25)], square_pixels)
+    seen = observations(
+        [Outline.ellipse(350, 260, 20, 20, std_px=0.25)], square_pixels, tolerance=0
+    )
     normals = seen.observed[0].reshape(8, 3)[:, :2]
     information = (normals * seen.inverse_sd[0][:, None] ** 2).T @ normals
     np.testing.assert_allclose(information, np.eye(2) * (300 / 0.25) ** 2, rtol=1e-9, atol=1e-3)

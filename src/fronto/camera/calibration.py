@@ -39,6 +39,7 @@ MODELS = {
     "fisheye": "equidistant",
 }
 MOST_NUMBERS = 16
+COMPLETE = "give all that the calibration states, and no more"
 
 
 @dataclass(frozen=True)
@@ -255,10 +256,12 @@ def _numbers(found: tuple[str, Any], field: str, count: int | None = None) -> li
     wanted = count if shape is None else shape[0] * shape[1]
     if len(flat) > MOST_NUMBERS or (wanted is not None and len(flat) != wanted):
         raise InputError(
-            field, f"expected {wanted or 'at most ' + str(MOST_NUMBERS)} numbers, got {many}"
+            field,
+            f"expected {wanted or 'at most ' + str(MOST_NUMBERS)} numbers, got {many}",
+            COMPLETE,
         )
     if count is not None and len(flat) != count:
-        raise InputError(field, f"expected {count} numbers, got {many}")
+        raise InputError(field, f"expected {count} numbers, got {many}", COMPLETE)
     return [_number(item, field) for item in flat]
 
 

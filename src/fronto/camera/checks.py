@@ -48,7 +48,7 @@ def checked_matrix(values: npt.ArrayLike) -> FloatArray:
     InputError
         Naming what is wrong.
     """
-    matrix = frozen_array(values, (3, 3), "camera matrix")
+    matrix = frozen_array(values, (3, 3), "camera matrix", "calibrate the camera again")
     if min(matrix[0, 0], matrix[1, 1]) <= 0:
         raise InputError(
             "camera matrix",
@@ -102,7 +102,7 @@ def check_distortion(model: str, count: int) -> None:
     if count not in counts:
         raise InputError(
             "distortion",
-            f"{model} takes {' or '.join(map(str, counts))} coefficients, got {count}",
+            f"expected {' or '.join(map(str, counts))} coefficients for {model}, got {count}",
             "give all of them in OpenCV's order (4, 5: plumb_bob; 8, 12, 14: "
             "rational_polynomial), or name the model that they belong to",
         )

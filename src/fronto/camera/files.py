@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from fronto.camera.calibration import FileCamera, read_fields
-from fronto.camera.checks import positive_int
+from fronto.camera.checks import checked_matrix, positive_int
 from fronto.camera.model import Camera
 from fronto.errors import InputError
 
-__all__ = ["camera_from_file"]
+__all__ = ["camera_from_file", "check_camera_file"]
 
 MAX_BYTES = 10_000_000
 MAX_DEPTH, MAX_ENTRIES = 50, 50_000
@@ -43,14 +44,38 @@ def camera_from_file(
         Naming the file and the field.
     """
     path = Path(path)
-    try:
+    with _named(path):
         found = _read(_load(path), projection=projection, name=name)
         camera = _sized(found, width_px, height_px)
+    detail = f"{found.kind} {path.name}" + (f" ({found.name})" if found.name else "")
+    return replace(camera, detail=detail)
+
+
+def check_camera_file(path: str | Path) -> None:
+    """Refuse a file that is a camera for no photo, of whatever size.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the field.
+    """
+    with _named(Path(path)):
+        found = _read(_load(Path(path)), projection=False, name=None)
+        size = found.size
+        if size is None:  # stand in for the photo's: one that the principal point fits
+            side = 1 + int(np.abs(checked_matrix(found.matrix)[:2, 2]).max())
+            size = side, side
+        _sized(found, *size)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name the file in errors."""
+    try:
+        yield
     except InputError as error:
         thing = f"camera file {path}" + (f", {error.thing}" if error.thing else "")
         raise InputError(thing, error.expected, error.remedy) from None
-    detail = f"{found.kind} {path.name}" + (f" ({found.name})" if found.name else "")
-    return replace(camera, detail=detail)
 
 
 def _load(path: Path) -> bytes:
@@ -80,7 +105,10 @@ def _read(content: bytes, *, projection: bool, name: str | None) -> FileCamera:
         text = _text(content)
         bare = _bare_matrix(text)
         if bare is None:
-            return read_fields(_fields(text), projection=projection, name=name)
+            fields = _fields(text)
+            if isinstance(fields, Mapping):
+                return read_fields(fields, projection=projection, name=name)
+            bare = read_fields({"matrix": fields}, projection=False, name=None).matrix
         matrix = bare
     if projection or name is not None:
         raise InputError(
@@ -96,11 +124,17 @@ def _sized(found: FileCamera, width_px: int | None, height_px: int | None) -> Ca
     if width_px is not None and height_px is not None:
         wanted = positive_int(width_px, "width_px"), positive_int(height_px, "height_px")
     elif width_px is not None or height_px is not None:
-        raise InputError("image size", "expected both width_px and height_px, got one of them")
+        raise InputError(
+            "image size",
+            "expected both width_px and height_px, got one of them",
+            "give the other one as well",
+        )
     size = found.size or wanted
     if size is None:
         raise InputError(
-            "image size", "expected one, the file states none", "give width_px and height_px"
+            "image size",
+            "expected one, the file states none",
+            "give width_px and height_px (fronto camera: --width and --height)",
         )
     camera = replace(
         Camera.from_matrix(found.matrix, *size, found.distortion, found.model, source="file"),
@@ -159,12 +193,17 @@ def _bare_matrix(text: str) -> list[list[float]] | None:
     return [values[0:3], values[3:6], values[6:9]]
 
 
-def _fields(text: str) -> Mapping[str, Any]:
+def _fields(text: str) -> Mapping[str, Any] | list[list[Any]]:
+    """Read named fields, or the three rows of a matrix."""
     if text.startswith("<"):
         return _xml(text)
     content = _json(text) if text.startswith("{") else None
     if content is None:
         content = _yaml(text)
+    if isinstance(content, list) and len(content) == 3:
+        rows = [row for row in content if isinstance(row, list)]
+        if len(rows) == 3:
+            return rows
     if not isinstance(content, Mapping):
         raise InputError("", f"expected {KINDS}, got other text", "check that it is the right file")
     return content

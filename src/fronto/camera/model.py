@@ -33,6 +33,7 @@ CameraSource = Literal["given", "file", "exif", "estimated", "default"]
 #: of ln f: two deviations reach from 0.6 to 2.0 times the longer side.
 DEFAULT_FOCAL_RATIO = 1.1
 DEFAULT_FOCAL_STD = 0.3
+ESTIMATED = "estimated from the panel"
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +169,7 @@ class Camera:
             raise InputError(
                 "horizontal_fov_deg",
                 f"expected an angle between 0 and 180 degrees, got {horizontal_fov_deg}",
+                "a phone's main camera has about 65",
             )
         width = positive_int(width_px, "width_px")
         focal = 0.5 * width / np.tan(np.radians(horizontal_fov_deg) / 2)
@@ -296,16 +298,25 @@ class Camera:
     ) -> Camera:
         """Copy it with another focal length (its `focal_px`), the pixels' shape kept.
 
+        For the source "estimated", `detail` says so, and what the estimate started from.
+
         Raises
         ------
         InputError
             If the focal length is not positive or the deviation negative.
         """
         if not (np.isfinite(focal_px) and focal_px > 0):
-            raise InputError("focal_px", f"expected a positive number of pixels, got {focal_px}")
+            raise InputError(
+                "focal_px",
+                f"expected a positive number of pixels, got {focal_px}",
+                "give the focal length that a calibration states, or a field of view",
+            )
         matrix = np.array(self.matrix)
         matrix[:2, :2] *= focal_px / self.focal_px
-        return replace(self, matrix=matrix, focal_std=focal_std, source=source)
+        detail = self.detail
+        if source == "estimated" and not detail.startswith(ESTIMATED):
+            detail = f"{ESTIMATED}, start: {detail}" if detail else ESTIMATED
+        return replace(self, matrix=matrix, focal_std=focal_std, source=source, detail=detail)
 
     def undistort_points(self, points_px: npt.ArrayLike) -> FloatArray:
         """Map the photo's pixels (n, 2) to those of a lens without distortion and the same K.

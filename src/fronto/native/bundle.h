@@ -64,7 +64,7 @@ typedef struct {
 
 /* Cost at the parameters; with `normal` (m*m) and `gradient` (m) given also the normal
  * equations reduced to the globals, and per button what back-substitution needs
- * (elimination: (buttons, 2*m + 4 + 2)). Returns infinity where something lies behind
+ * (elimination: (buttons, 2*m + 2)). Returns infinity where something lies behind
  * the camera or a circle crosses the horizon. */
 double bundle_evaluate(const Problem *p, const double *rotation, const double *globals,
                        const double *xy, double lambda, double *normal, double *gradient,

@@ -99,8 +99,9 @@ static void refine(const Problem *p, Solution *s, Workspace *w) {
             s->iterations++;
             memcpy(w->factor, w->normal, sizeof(double) * (size_t)m * m);
             for (int k = 0; k < m; k++) w->factor[k * m + k] *= 1.0 + lambda;
-            double trial = INFINITY, predicted = 0.0, R[9];
+            double trial = INFINITY, predicted = INFINITY, R[9];
             if (cholesky(w->factor, m)) {
+                predicted = 0.0;
                 memcpy(w->step, w->gradient, sizeof(double) * m);
                 solve_cholesky(w->factor, m, w->step);
                 for (int k = 0; k < m; k++) {
@@ -132,13 +133,17 @@ static void refine(const Problem *p, Solution *s, Workspace *w) {
                 if (gain <= p->tolerance) s->converged = 1;
                 break;
             }
-            if (predicted >= 0 && predicted < p->tolerance) {
+            /* Only an undamped step can tell that there is nothing left to gain. */
+            if (lambda <= 1e-3 && predicted < p->tolerance) {
                 s->converged = 1;
                 break;
             }
             lambda *= growth;
             growth *= 2.0;
             if (lambda > 1e12 || s->iterations >= p->max_iterations) break;
+            bundle_evaluate(p, s->rotation, s->globals, s->xy, lambda, w->normal, w->gradient,
+                            w->elimination, s->chi2);
+            hold_untouched(p, w->normal, w->gradient, w->fixed, m);
         }
         if (s->converged || lambda > 1e12) break;
     }

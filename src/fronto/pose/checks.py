@@ -14,7 +14,7 @@ __all__ = ["boxes_px", "check_outlines"]
 #: A corner order that starts at another corner shows as a quarter turn; perspective and
 #: roll together stay well below this between buttons of one panel.
 _ORDER_RAD = np.radians(60.0)
-#: Outlines of one shape whose centres are closer than this share of their size are one button.
+#: Two outlines whose boxes' centres are closer than this share of the smaller one are one button.
 _SAME = 0.2
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from fronto.camera import Camera
 from fronto.errors import InputError
-from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Solution, depth_one
+from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, TANGENTS, Solution, depth_one
 from fronto.pose.checks import boxes_px, check_outlines
 from fronto.pose.criteria import cos_norm
-from fronto.pose.observations import observations, undistorted
+from fronto.pose.observations import TOLERANCE, observations, undistorted
 from fronto.pose.refine import Adjustment, adjust
 from fronto.pose.starts import middle
-from fronto.pose.template import Template, match_template
+from fronto.pose.template import Template, contradictions, match_template
 from fronto.pose.verdict import FOCAL_OBSERVABLE, Verdict, covariance, judge, weights
 from fronto.results import PanelPose
 from fronto.shapes import FloatArray, LineSegment, Outline
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["estimate_pose"]
 
+#: Arguments of `fronto.pose.grid.search_grid`.
+GRID_OPTIONS = frozenset(
+    ("range_deg", "step_deg", "criterion", "combine", "translation", "standard_corners")
+)
 _SIGNS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
@@ -38,6 +42,7 @@ def estimate_pose(
     square: bool = False,
     aligned: bool = True,
     template: Template | None = None,
+    tolerance: float = TOLERANCE,
     **grid: Any,
 ) -> PanelPose:
     """Estimate the rotation between camera and panel from outlines of its buttons.
@@ -59,6 +64,10 @@ def estimate_pose(
         Buttons line up in rows and columns (refine only).
     template
         The panel's layout in millimetres where it is known (refine only).
+    tolerance
+        How far corners of the real buttons are from where equal ones in exact rows and
+        columns would have them (standard deviation, in button sizes); 0 for a panel that
+        is exactly so (refine only).
     grid
         For ``solver="grid"``: `range_deg`, `step_deg`, `criterion`, `combine`,
         `translation`, `standard_corners`; see `fronto.pose.grid.search_grid`.
@@ -81,23 +90,15 @@ def estimate_pose(
     >>> pose.status
     'no_buttons'
     """
+    outlines = list(outlines)
+    _check_arguments(solver, camera, lines, template, square or not aligned, tolerance, grid)
     check_outlines(outlines)
-    if len(outlines) == 0:
+    if not outlines:
         return _without(camera, solver, "no_buttons", "no button outlines were given", 0)
     flat = undistorted(outlines, camera)
     if solver == "grid":
-        if square or not aligned or template is not None or lines:
-            raise InputError(
-                "estimate_pose",
-                'square, aligned, template and lines belong to solver="refine" only',
-                "leave them out, or use the default solver",
-            )
         return _grid_pose(flat, camera, grid)
-    if solver != "refine":
-        raise InputError("solver", f'expected "refine" or "grid", got {solver!r}')
-    if grid:
-        raise InputError("estimate_pose", f'{", ".join(sorted(grid))} belong to solver="grid" only')
-    seen = observations(flat, camera, lines)
+    seen = observations(flat, camera, lines, tolerance)
     matched = None if template is None else match_template(template, outlines)
     adjustment = adjust(
         seen,
@@ -110,6 +111,49 @@ def estimate_pose(
         reason = "no rotation puts all outlines in front of the camera"
         return _without(camera, solver, "degenerate", reason, len(outlines))
     return _refined_pose(flat, camera, adjustment)
+
+
+def _check_arguments(
+    solver: str,
+    camera: Camera,
+    lines: Sequence[LineSegment],
+    template: Template | None,
+    panel_known: bool,
+    tolerance: float,
+    grid: dict[str, Any],
+) -> None:
+    if solver not in ("refine", "grid"):
+        raise InputError("solver", f'expected "refine" or "grid", got {solver!r}')
+    if not (np.isfinite(tolerance) and tolerance >= 0):
+        raise InputError("tolerance", f"expected button sizes, 0 or more, got {tolerance}")
+    if not isinstance(camera, Camera):
+        raise InputError(
+            "camera",
+            f"expected a fronto.Camera, got {type(camera).__name__}",
+            "Camera.default(width_px, height_px) stands for an unknown one",
+        )
+    if not all(isinstance(line, LineSegment) for line in lines):
+        raise InputError("lines", "expected fronto.LineSegment items")
+    if template is not None and not isinstance(template, Template):
+        raise InputError("template", f"expected a fronto.Template, got {type(template).__name__}")
+    unknown = sorted(set(grid) - GRID_OPTIONS)
+    if unknown:
+        raise InputError("estimate_pose", f"{', '.join(unknown)} is no argument of it or the grid")
+    if solver == "refine" and grid:
+        names = ", ".join(sorted(grid))
+        raise InputError("estimate_pose", f'{names} belong to solver="grid" only')
+    if solver == "grid" and (panel_known or template is not None or lines):
+        raise InputError(
+            "estimate_pose",
+            'square, aligned, template and lines belong to solver="refine" only',
+            "leave them out, or use the default solver",
+        )
+    if solver == "refine" and camera.distorted and camera.focal_std > 0:
+        raise InputError(
+            "camera",
+            "expected a known focal length with lens distortion, which was calibrated with it",
+            "set focal_std to 0, or undistort the photo first",
+        )
 
 
 def _without(camera: Camera, solver: str, status: Any, reason: str, n: int) -> PanelPose:
@@ -128,7 +172,9 @@ def _without(camera: Camera, solver: str, status: Any, reason: str, n: int) -> P
 
 def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) -> PanelPose:
     best = found.solutions[0]
-    std = np.array([outline.std_px for outline in flat]) * found.sigma_factor
+    # As whitened: the stated deviations, the buttons' tolerance and what the residuals ask for.
+    tangent = np.where(found.seen.kind == QUAD, 1.0, np.sqrt(TANGENTS / 2))
+    std = camera.focal_px / (found.seen.inverse_sd.max(axis=1) * tangent)
     sigma_px = float(middle(std))
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
@@ -191,7 +237,7 @@ def _pose(
                 + (f": the aspect may be off by {100 * aspect:.0f} %" if aspect else "")
             )
     depth = None
-    if model.scale_latent >= 0:
+    if model.scale_latent >= 0 and not contradictions(model, solution):
         scale = solution.parameters[FIRST_GROUP + 2 * groups + model.scale_latent]
         depth = 1e-3 * distance / float(scale)
     return PanelPose(
@@ -243,10 +289,7 @@ def _grid_pose(flat: Sequence[Outline], camera: Camera, options: dict[str, Any])
     if not len(corners):
         reason = "round buttons have no slopes: the grid search needs at least one quad"
         return _without(camera, "grid", "degenerate", reason, len(flat))
-    try:
-        result: GridResult = search_grid(corners, camera.matrix, **options)
-    except TypeError as error:
-        raise InputError('solver="grid"', str(error)) from None
+    result: GridResult = search_grid(corners, camera.matrix, **options)
     plane = _grid_plane(flat, camera, result.rotation)
     residual = np.full(len(flat), np.nan)
     return PanelPose(

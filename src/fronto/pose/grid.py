@@ -120,25 +120,10 @@ def search_grid(
 
     Notes
     -----
-    Why the plain sum and ‖1/k_v‖ are the defaults: on simulated panels seen by the paper's
-    camera (angles uniform within ±40°, 0.3-0.8 m away, corner noise σ, with noise one
-    outlier button in a tenth of them) the rotation error in degrees, median / 95th
-    percentile, was
-
-    =================================  ===========  ==============  ============
-    panels                             inverse sum  inverse minmax  paper minmax
-    =================================  ===========  ==============  ============
-    200 hall (2-3 buttons), σ = 0      0.74 / 5.2   0.51 / 9.9      0.51 / 9.9
-    200 hall, σ = 0.3 px               13.6 / 65    17.7 / 73       16.9 / 66
-    200 hall, σ = 0.5 px               19.1 / 69    25.0 / 74       24.8 / 68
-    100 car (10-24 buttons), σ = 0     0.64 / 1.9   0.64 / 4.7      0.63 / 1.8
-    100 car, σ = 0.3 px                3.6 / 16     3.8 / 21        4.0 / 18
-    100 car, σ = 0.5 px                5.0 / 20     6.0 / 25        5.7 / 26
-    =================================  ===========  ==============  ============
-
-    (car panels with a step of 1°). Min-max between the 5th and 95th percentiles, which a
-    single singular rotation cannot govern, gave 0.53 / 2.7 and 16.0 / 64 on the hall
-    panels: better only without noise, so it is not offered.
+    Why the plain sum and ‖1/k_v‖ are the defaults: with noise on the corners they gave the
+    least median error on simulated panels; without noise min-max is a little
+    better in the median and on hall panels worse in the tail, since the worst rotations of
+    the grid govern it. The figures are in ``docs/paper-map.md``.
     """
     corners = _check_quads(outlines_corners)
     angles = _angles_deg(range_deg, step_deg)

@@ -8,11 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from fronto.camera import Camera
+from fronto.errors import InputError
 from fronto.pose.bundle import ELLIPSE, QUAD, TANGENTS, Observations
 from fronto.pose.checks import boxes_px
 from fronto.shapes import FloatArray, LineSegment, Outline
 
-__all__ = ["observations", "undistorted"]
+__all__ = ["TOLERANCE", "observations", "undistorted"]
+
+#: How far corners of real buttons are from where equal ones on a grid would have them, in
+#: button sizes: a tenth of a millimetre on 30 mm. Large in the photo, it is what counts.
+TOLERANCE = 0.004
 
 _ANOMALY = 2 * np.pi * np.arange(TANGENTS) / TANGENTS
 _CIRCLE = np.stack([np.cos(_ANOMALY), np.sin(_ANOMALY)], axis=1)
@@ -29,19 +34,31 @@ def undistorted(outlines: Sequence[Outline], camera: Camera) -> tuple[Outline, .
     if not camera.distorted:
         return tuple(outlines)
     result = []
-    for outline in outlines:
-        if outline.ellipse_px is not None:
-            ellipse = camera.undistort_ellipse(outline.ellipse_px)
-            result.append(replace(outline, ellipse_px=ellipse))
-        else:
-            assert outline.corners_px is not None
-            corners = camera.undistort_points(outline.corners_px)
-            result.append(replace(outline, corners_px=corners))
+    for k, outline in enumerate(outlines):
+        try:
+            if outline.ellipse_px is not None:
+                ellipse = camera.undistort_ellipse(outline.ellipse_px)
+                result.append(replace(outline, ellipse_px=ellipse))
+            else:
+                assert outline.corners_px is not None
+                corners = camera.undistort_points(outline.corners_px)
+                result.append(replace(outline, corners_px=corners))
+        except InputError:
+            x, y = outline.center_px
+            raise InputError(
+                f"outlines {k}",
+                f"expected a button where the lens model {camera.distortion_model} holds, got one "
+                f"at ({x:.0f}, {y:.0f})",
+                "check the camera's distortion coefficients, or leave this button out",
+            ) from None
     return tuple(result)
 
 
 def observations(
-    outlines: Sequence[Outline], camera: Camera, lines: Sequence[LineSegment] = ()
+    outlines: Sequence[Outline],
+    camera: Camera,
+    lines: Sequence[LineSegment] = (),
+    tolerance: float = TOLERANCE,
 ) -> Observations:
     """Normalise and whiten what was seen.
 
@@ -51,6 +68,13 @@ def observations(
         Free of lens distortion (see `undistorted`).
     lines
         Axis-parallel segments in the photo; their lens distortion is removed here.
+    tolerance
+        Deviation of real corners from ideal ones, in button sizes.
+
+    Raises
+    ------
+    InputError
+        If a line lies where the camera's lens model does not hold.
     """
     n = len(outlines)
     inverse = np.linalg.inv(camera.matrix)
@@ -58,7 +82,9 @@ def observations(
     focal = camera.focal_px
     kind = np.array([QUAD if o.shape == "quad" else ELLIPSE for o in outlines], dtype=np.intc)
     observed = np.zeros((n, 3 * TANGENTS))
-    std = np.array([o.std_px for o in outlines])
+    boxes = boxes_px(outlines)
+    size = np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
+    std = np.hypot([o.std_px for o in outlines], tolerance * size)
     inverse_sd = np.zeros((n, TANGENTS))
 
     quads = np.flatnonzero(kind == QUAD)
@@ -80,12 +106,20 @@ def observations(
         # centre comes out with the outline's deviation.
         inverse_sd[ellipses] = (focal / (std[ellipses] * np.sqrt(TANGENTS / 2)))[:, None]
 
-    middle = affine @ boxes_px(outlines).reshape(-1, 2).mean(axis=0) + shift
+    middle = affine @ boxes.reshape(-1, 2).mean(axis=0) + shift
     pivot = (float(middle[0]), float(middle[1]))
     if not lines:
         return Observations(kind, observed, inverse_sd, pivot)
     ends = np.array([line.ends_px for line in lines]).reshape(-1, 2)
-    ends = (camera.undistort_points(ends) if camera.distorted else ends) @ affine.T + shift
+    ends = camera.undistort_points(ends) if camera.distorted else ends
+    if not np.isfinite(ends).all():
+        k = int(np.flatnonzero(~np.isfinite(ends).all(axis=1))[0]) // 2
+        raise InputError(
+            f"lines {k}",
+            f"expected ends where the lens model {camera.distortion_model} holds",
+            "check the camera's distortion coefficients, or leave this line out",
+        )
+    ends = ends @ affine.T + shift
     axis = [0 if line.axis == "horizontal" else 1 for line in lines]
     line_isd = [focal / line.std_px for line in lines]
     return Observations(

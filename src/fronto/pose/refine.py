@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, Model, Observations, Solution, solve
+from fronto.pose.bundle import (
+    FIRST_GROUP,
+    FOCAL,
+    QUAD,
+    Model,
+    Observations,
+    Solution,
+    solve,
+)
 from fronto.pose.rotation import angle_between, rotation_z
 from fronto.pose.starts import (
     initial_parameters,
@@ -21,8 +29,16 @@ from fronto.pose.starts import (
     reflected,
     starting_rotations,
 )
-from fronto.pose.structure import base_model, numbered, size_groups, tied_model, typical_width
-from fronto.pose.template import TemplateButton, templated_model
+from fronto.pose.structure import (
+    GroupArray,
+    base_model,
+    lattice_groups,
+    numbered,
+    size_groups,
+    tied_model,
+    typical_width,
+)
+from fronto.pose.template import TemplateButton, template_groups, templated_model
 from fronto.shapes import FloatArray
 
 __all__ = ["Adjustment", "adjust"]
@@ -36,14 +52,20 @@ MISFIT = 2.0
 UNTIED = 30.0
 #: What one more size group has to gain, in χ².
 GROUP_GAIN = 10.0
+#: Deviations of χ² above its expectation that show a contradiction.
+CONTRADICTION = 3.5
 #: How upright cameras are held: deviation of the roll, where only circles are seen.
 UPRIGHT_RAD = np.radians(12.0)
 #: An explanation whose cost is within this of the best one cannot be excluded.
 RIVAL = 10.0
+#: Before rows and columns count, an optimum this much worse is out of the race.
+OTHER_MODE = 200.0
 #: Readings of the lattice closer than this are one.
 OTHER_ROLL_RAD = np.radians(10.0)
 #: Tilt of the starts in degrees, with the focal length known and unknown.
 TILT_KNOWN, TILT_UNKNOWN = 30.0, 40.0
+#: Optima at one rotation whose ln f differ by less than this are one.
+SAME_FOCAL = 0.1
 #: Coarse convergence (in χ²) is enough to tell optima apart.
 COARSE, FINE = 1e-2, 1e-4
 
@@ -54,7 +76,11 @@ class _Shared:
 
     square: bool
     aligned: bool
+    focal_isd: float
     template: Sequence[TemplateButton | None] | None
+
+
+_Scored = tuple[float, Model, list[Solution]]
 
 
 @dataclass(frozen=True)
@@ -105,18 +131,18 @@ def adjust(
     """
     model = base_model(seen, numbered(seen.kind), square, focal_isd)
     rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
-    rotations, parameters, xy = initial_parameters(seen, model, rotations)
-    found = _distinct(solve(seen, model, rotations, parameters, xy, tolerance=COARSE))
+    start = initial_parameters(seen, model, rotations)
+    found = _distinct(solve(seen, model, *start, tolerance=COARSE))
     if not found:
         return Adjustment((), model, seen)
     only_circles = not bool((seen.kind == QUAD).any())
-    shared = _Shared(square, aligned, template)
+    shared = _Shared(square, aligned, focal_isd, template)
     beginnings = _upright_lattices(found, model) if only_circles else [found]
     tried = [_with_structure(seen, model, start, shared) for start in beginnings]
     tried.sort(key=lambda item: item[0])
     _, model, found = tried[0]
 
-    factor = np.sqrt(_misfit(found[0], model))
+    factor = np.sqrt(_misfit(found[0], model, seen))
     if factor**2 > MISFIT:
         # Weigh residuals against the priors by the deviation that they really have.
         seen = replace(seen, inverse_sd=seen.inverse_sd / factor, line_isd=seen.line_isd / factor)
@@ -134,37 +160,53 @@ def _with_structure(
     model: Model,
     found: list[Solution],
     shared: _Shared,
-) -> tuple[float, Model, list[Solution]]:
-    """Solve with size groups and ties, found again until they stay; the score comes first."""
-    candidates = [numbered(seen.kind)]
-    groups = size_groups(seen, found[0], model)
-    if groups.max() > candidates[0].max():
-        candidates.append(groups)
-    best: tuple[float, Model, list[Solution]] | None = None
+) -> _Scored:
+    """Solve with size groups and ties; what explains the most, its score first."""
+    kinds = numbered(seen.kind)
+    if shared.template is not None:
+        candidates = [template_groups(seen, shared.template)]
+    else:
+        candidates = [kinds]
+        groups = size_groups(seen, found[0], model)
+        if groups.max() > kinds.max():
+            candidates.append(groups)
+    best: _Scored = (np.inf, model, found)
     for group in candidates:
-        base = base_model(seen, group, shared.square, model.focal_isd)
-        penalty = GROUP_GAIN * (len(base.square_isd) - 1)
-        starts, tried = found, []
-        for _ in range(3):
-            tied, extra = _tied(base, starts[0], shared)
-            if tied.tie_index.tobytes() in tried:
-                break
-            tried.append(tied.tie_index.tobytes())
-            mirror = reflected(seen, starts[0].rotation)
-            solutions = _distinct(_solve_tied(seen, tied, starts, mirror, extra))
-            if not solutions:
-                break
-            score = solutions[0].cost + penalty
-            score += UNTIED * np.count_nonzero(tied.tie_index[:, ::2] < 0)
-            if not (seen.kind == QUAD).any():
-                score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
-            if best is None or score < best[0]:
-                best = (score, tied, solutions)
-            moved = (solutions[0].rotation * starts[0].rotation).sum() < SAME_TRACE
-            starts = solutions
-            if not moved:  # rows and columns would be found again as they are
-                break
-    return best or (np.inf, model, found)
+        best = min(best, _settled(seen, group, found, shared), key=lambda item: item[0])
+    if shared.template is None and excess(seen, best[1], best[2][0].cost) > CONTRADICTION:
+        # A column of slightly larger buttons looks closer, and bends the pose: what was
+        # measured on the bent plane does not show it, but it does not fit either.
+        for group in lattice_groups(seen, best[1]):
+            best = min(best, _settled(seen, group, best[2], shared), key=lambda item: item[0])
+    return best
+
+
+def _settled(
+    seen: Observations, group: GroupArray, found: list[Solution], shared: _Shared
+) -> _Scored:
+    """Find rows and columns again until they stay, with the buttons' sizes in these groups."""
+    base = base_model(seen, group, shared.square, shared.focal_isd)
+    penalty = GROUP_GAIN * (len(base.square_isd) - 1)
+    best: _Scored = (np.inf, base, found)
+    starts, tried = found, []
+    for _ in range(3):
+        tied, extra = _tied(base, starts[0], shared)
+        if tied.tie_index.tobytes() in tried:
+            break
+        tried.append(tied.tie_index.tobytes())
+        solutions = _distinct(_solve_tied(seen, tied, starts, extra))
+        if not solutions:
+            break
+        score = solutions[0].cost + penalty
+        score += UNTIED * np.count_nonzero(tied.tie_index[:, ::2] < 0)
+        if not (seen.kind == QUAD).any():
+            score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
+        best = min(best, (score, tied, solutions), key=lambda item: item[0])
+        moved = (solutions[0].rotation * starts[0].rotation).sum() < SAME_TRACE
+        starts = solutions
+        if not moved:  # rows and columns would be found again as they are
+            break
+    return best
 
 
 def _tied(
@@ -187,11 +229,13 @@ def _solve_tied(
     seen: Observations,
     model: Model,
     starts: Sequence[Solution],
-    mirror: FloatArray,
     latents: FloatArray | None,
 ) -> list[Solution]:
-    rotations = np.array([start.rotation for start in starts] + [mirror])
-    rotations, parameters, xy = initial_parameters(seen, model, rotations, keep=len(starts))
+    """Solve from the optima so far and from the best one's mirror image."""
+    best = starts[0]
+    scale = float(np.exp(best.parameters[FOCAL]))
+    rotations = np.array([s.rotation for s in starts] + [reflected(seen, best.rotation)])
+    rotations, parameters, xy = initial_parameters(seen, model, rotations, len(starts), scale)
     for k, start in enumerate(starts):
         xy[k] = start.xy
         parameters[k, FOCAL] = start.parameters[FOCAL]
@@ -209,18 +253,38 @@ def _distinct(solutions: list[Solution]) -> list[Solution]:
     """The finite optima, best first, without repetitions."""
     kept: list[Solution] = []
     for solution in sorted(solutions, key=lambda item: item.cost):
-        if solution.cost < np.inf and all(
-            (solution.rotation * other.rotation).sum() < SAME_TRACE for other in kept
-        ):
+        if solution.cost < np.inf and not any(_same(solution, other) for other in kept):
             kept.append(solution)
     return kept
 
 
-def _misfit(solution: Solution, model: Model) -> float:
+def _same(one: Solution, other: Solution) -> bool:
+    if (one.rotation * other.rotation).sum() < SAME_TRACE:
+        return False
+    return bool(abs(one.parameters[FOCAL] - other.parameters[FOCAL]) < SAME_FOCAL)
+
+
+def freedom(seen: Observations) -> FloatArray:
+    """Independent residuals (n,) of each button less its two coordinates.
+
+    A quad has eight residuals; an ellipse's eight tangents say five things.
+    """
+    return np.where(seen.kind == QUAD, 6.0, 3.0)
+
+
+def excess(seen: Observations, model: Model, cost: float) -> float:
+    """How many deviations of χ² a cost is above its expectation."""
+    # Besides the rotation each group of quads has two sizes, of circles one.
+    round_groups = len(set(model.group[seen.kind != QUAD].tolist()))
+    shared = 3 + 2 * len(model.square_isd) - round_groups
+    expected = max(float(freedom(seen).sum()) - shared, 1.0)
+    return float((cost - expected) / np.sqrt(2 * expected))
+
+
+def _misfit(solution: Solution, model: Model, seen: Observations) -> float:
     """χ² of the typical button over its expectation."""
-    n = len(solution.chi2)
-    freedom = 8.0 - 2.0 - (model.size - 3) / n
-    return float(middle(solution.chi2)) / max(freedom, 2.0)
+    shared = (model.size - 3) / len(solution.chi2)
+    return float(middle(solution.chi2 / np.maximum(freedom(seen) - shared, 2.0)))
 
 
 def _roll(rotation: FloatArray) -> float:
@@ -234,7 +298,8 @@ def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution
     Of a lattice's four rolls the most upright one is taken.
     """
     beginnings = []
-    for solution in found[:2]:
+    near = [item for item in found[:2] if item.cost - found[0].cost < OTHER_MODE]
+    for solution in near:
         turns = lattice_rolls(solution.xy, typical_width(model, solution))
         if not turns:  # one circle: nothing but "upright" is known
             row0, row1 = solution.rotation[:2]
@@ -249,9 +314,7 @@ def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution
     return beginnings
 
 
-def _other_roll(
-    rotation: FloatArray, tried: list[tuple[float, Model, list[Solution]]]
-) -> FloatArray | None:
+def _other_roll(rotation: FloatArray, tried: list[_Scored]) -> FloatArray | None:
     """Another reading of the lattice that explains about as much, else None.
 
     A square lattice turned by 90° fits exactly as well; only how upright it is decides.

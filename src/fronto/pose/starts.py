@@ -10,6 +10,7 @@ import numpy.typing as npt
 from fronto.pose.bundle import (
     ELLIPSE,
     FIRST_GROUP,
+    FOCAL,
     QUAD,
     Model,
     Observations,
@@ -88,7 +89,11 @@ def reflected(seen: Observations, rotation: FloatArray) -> FloatArray:
 
 
 def initial_parameters(
-    seen: Observations, model: Model, rotations: FloatArray, keep: int = 0
+    seen: Observations,
+    model: Model,
+    rotations: FloatArray,
+    keep: int = 0,
+    focal_scale: float = 1.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Starting rotations (k, 3, 3), parameters (k, m) and centres (k, n, 2).
 
@@ -97,9 +102,13 @@ def initial_parameters(
     rotations
         (k, 3, 3); from number `keep` on they are rolled so that the quads' sides are
         upright.
+    focal_scale
+        Focal length to start from, over the one that the observations were normalised
+        with.
     """
-    xy, log_size, rotations = back_project(seen, rotations, keep=keep)
+    xy, log_size, rotations = back_project(seen, rotations, focal_scale, keep)
     parameters = np.zeros((len(rotations), model.size))
+    parameters[:, FOCAL] = np.log(focal_scale)
     for group in range(len(model.square_isd)):
         at = FIRST_GROUP + 2 * group
         members = log_size[:, model.group == group]
@@ -112,7 +121,7 @@ def lattice_rolls(centers: FloatArray, width: float, most: int = 2) -> list[floa
 
     Every pair of near neighbours votes for the turn that makes it a row or a column; the
     votes of a panel pile up at its rows and columns, but also at the diagonals of a
-    staggered one, so several turns are handed on to be tried.
+    staggered one, so turns with half as many votes are handed on to be tried as well.
 
     Parameters
     ----------
@@ -140,6 +149,8 @@ def lattice_rolls(centers: FloatArray, width: float, most: int = 2) -> list[floa
     votes = np.exp(-0.5 * (miss / spread) ** 2).sum(axis=1)
     peaks: list[float] = []
     for k in np.argsort(-votes, kind="stable"):
+        if votes[k] < 0.5 * votes.max():
+            break
         apart = [abs(np.angle(np.exp(4j * (turns[k] - peak)))) / 4 for peak in peaks]
         near_peak = np.abs(miss[k]) < 2 * spread
         if near_peak.any() and all(a > np.radians(12.0) for a in apart):

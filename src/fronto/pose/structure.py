@@ -21,12 +21,14 @@ from fronto.pose.bundle import (
 from fronto.pose.starts import middle
 from fronto.shapes import FloatArray
 
-__all__ = ["base_model", "chains", "numbered", "size_groups", "tied_model"]
+GroupArray = npt.NDArray[np.intp]
+
+__all__ = ["base_model", "chains", "lattice_groups", "numbered", "size_groups", "tied_model"]
 
 #: Standard deviation of log(width/height) of buttons known to be square.
-SQUARE_STD = 0.007
+SQUARE_STD = 0.01
 #: Deviation of the distance of two buttons from their common row or column, in widths.
-ALIGN_STD = 0.004
+ALIGN_STD = 0.006
 #: Neighbours closer than this across a row or column are on the same one, in widths.
 ALIGN_GAP = 0.35
 #: Sizes that differ by less than this (logarithm), or by this many of their deviations,
@@ -34,9 +36,7 @@ ALIGN_GAP = 0.35
 SIZE_GAP, SIZE_DEVIATIONS = 0.1, 4.0
 
 
-def base_model(
-    seen: Observations, group: npt.NDArray[np.intp], square: bool, focal_isd: float
-) -> Model:
+def base_model(seen: Observations, group: GroupArray, square: bool, focal_isd: float) -> Model:
     """The model before rows and columns are known: sizes shared within each group.
 
     Parameters
@@ -65,7 +65,7 @@ def base_model(
     )
 
 
-def chains(values: FloatArray, gap: float) -> npt.NDArray[np.intp]:
+def chains(values: FloatArray, gap: float) -> GroupArray:
     """Label values (n,) so that sorted neighbours closer than `gap` share a label."""
     order = values.argsort(kind="stable")
     ordered = values[order]
@@ -102,7 +102,7 @@ def tied_model(model: Model, solution: Solution) -> Model:
     return replace(model, tie_index=tie_index, tie_coef=tie_coef, tie_isd=tie_isd, latents=latents)
 
 
-def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDArray[np.intp]:
+def size_groups(seen: Observations, solution: Solution, model: Model) -> GroupArray:
     """Group label of each button (n,): same shape and, on the plane, about the same size.
 
     Wide OPEN and CLOSE buttons beside square floor buttons are two groups; one shared
@@ -124,7 +124,20 @@ def size_groups(seen: Observations, solution: Solution, model: Model) -> npt.NDA
     return numbered(labels)
 
 
-def numbered(labels: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
+def lattice_groups(seen: Observations, model: Model) -> list[GroupArray]:
+    """Groupings in which each column, or each row, has a size of its own."""
+    groupings = []
+    for axis in range(2):
+        labels = model.tie_index[:, 2 * axis].astype(np.intp)
+        alone = labels < 0
+        labels[alone] = labels.max() + 1 + np.arange(np.count_nonzero(alone))
+        group = numbered(labels * (seen.kind.max() + 1) + seen.kind)
+        if 1 < group.max() + 1 < len(group):
+            groupings.append(group)
+    return groupings
+
+
+def numbered(labels: npt.NDArray[Any]) -> GroupArray:
     """The same partition with labels 0, 1, ..."""
     if (labels == labels[0]).all():
         return np.zeros(len(labels), dtype=np.intp)

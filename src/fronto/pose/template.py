@@ -7,14 +7,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from fronto.errors import InputError
-from fronto.pose.bundle import Model, Solution
-from fronto.pose.structure import ALIGN_STD, typical_width
+from fronto.pose.bundle import FIRST_GROUP, Model, Observations, Solution
+from fronto.pose.structure import ALIGN_STD, numbered, typical_width
 from fronto.shapes import FloatArray, Outline
 
-__all__ = ["Template", "TemplateButton", "match_template", "templated_model"]
+__all__ = [
+    "Template",
+    "TemplateButton",
+    "contradictions",
+    "match_template",
+    "template_groups",
+    "templated_model",
+]
 
+#: Farther off its place than this, in button widths, a button contradicts the template.
+MISPLACED = 0.15
+#: So does a size whose logarithm misses by more than this.
+MISSIZED = 0.1
 #: Standard deviation of the logarithm of a known size: outlines have bezels.
 SIZE_STD = 0.02
 
@@ -99,6 +111,17 @@ def match_template(template: Template, outlines: Sequence[Outline]) -> list[Temp
     return list(template.buttons)
 
 
+def template_groups(
+    seen: Observations, matched: Sequence[TemplateButton | None]
+) -> npt.NDArray[np.intp]:
+    """Group of each button (n,): those that the template gives one size, by shape."""
+    keys = [
+        (int(kind), None if b is None else (b.width_mm, b.height_mm))
+        for kind, b in zip(seen.kind, matched, strict=True)
+    ]
+    return numbered(np.array([keys.index(key) for key in keys]))
+
+
 def templated_model(
     model: Model, solution: Solution, matched: Sequence[TemplateButton | None]
 ) -> tuple[Model, FloatArray]:
@@ -145,3 +168,28 @@ def templated_model(
         scale_latent=0,
     )
     return tied, np.array([scale, offset[0], offset[1]])
+
+
+def contradictions(model: Model, solution: Solution) -> list[str]:
+    """Why the solution does not fit the template that it was tied to, in words."""
+    first = FIRST_GROUP + 2 * len(model.square_isd)
+    latents = solution.parameters[first:]
+    scale = float(latents[model.scale_latent])
+    width = typical_width(model, solution)
+    reasons = []
+    index, coef = model.tie_index.reshape(-1, 2, 2), model.tie_coef.reshape(-1, 2, 2)
+    off = np.abs(solution.xy - (coef * latents[index]).sum(axis=2)).max(axis=1)
+    off[index[:, 0, 0] < 0] = 0.0
+    worst = int(off.argmax())
+    if off[worst] > MISPLACED * width:
+        reasons.append(
+            f"outlines {worst} lies {off[worst] / scale:.0f} mm off its place in the template"
+        )
+    known = model.size_scale
+    sizes = solution.parameters[FIRST_GROUP:first].reshape(-1, 2)
+    with np.errstate(divide="ignore"):
+        missed = np.where(known > 0, sizes - np.log(scale * known), 0.0)
+    if np.abs(missed).max() > MISSIZED:
+        ratio = float(np.exp(missed.flat[np.abs(missed).argmax()]))
+        reasons.append(f"buttons are {ratio:.2g} times the size that the template states")
+    return reasons

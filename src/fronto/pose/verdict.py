@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fronto.pose.bundle import FOCAL, QUAD, Model, Solution
-from fronto.pose.refine import RIVAL, Adjustment
+from fronto.pose.refine import CONTRADICTION, RIVAL, Adjustment, excess
+from fronto.pose.rotation import rotation_log
 from fronto.pose.starts import middle
+from fronto.pose.template import contradictions
 from fronto.results import Status
 from fronto.shapes import FloatArray
 
@@ -30,12 +32,14 @@ RIVAL_WITH_OUTLIERS = 40.0
 SMALL_PANEL = 4
 #: Two buttons leave so little to spare that noise alone now and then prefers a wrong pose.
 RIVAL_OF_TWO = 15.0
-#: Deviations of χ² above its expectation that show a contradiction.
-CONTRADICTION = 3.5
+#: Squared deviations (three degrees of freedom) that the covariance speaks for.
+COVERED = 14.0
 #: Weight below which an outline counts as set aside.
 SET_ASIDE = 0.5
 #: Residuals larger than this share of the button's size: no flat panel fits.
-BAD_FIT = 0.12
+BAD_FIT = 0.07
+#: So do residuals this many times the stated deviations.
+BAD_FACTOR = 5.0
 #: Rolls beyond this are more likely a wrong corner order or a photo to be turned.
 ROLLED_RAD = np.radians(60.0)
 #: A focal length less sure than this (standard deviation of ln f) has not been observed ...
@@ -75,7 +79,8 @@ def covariance(solution: Solution, model: Model) -> FloatArray:
         return np.full(solution.hessian.shape, np.nan)
     if model.focal_isd < 0:
         inverse[FOCAL] = inverse[:, FOCAL] = 0.0
-    if not (np.isfinite(inverse).all() and (inverse.diagonal()[:FOCAL] > 0).all()):
+    positive = FOCAL if model.focal_isd < 0 else FOCAL + 1
+    if not (np.isfinite(inverse).all() and (inverse.diagonal()[:positive] > 0).all()):
         return np.full(solution.hessian.shape, np.nan)
     return np.asarray(0.5 * (inverse + inverse.T))
 
@@ -124,8 +129,12 @@ def judge(
     kinds = set(adjustment.seen.kind.tolist())
     split = small and len(adjustment.model.square_isd) > len(kinds)
     limit = RIVAL_WITH_OUTLIERS if conflict or split else RIVAL_OF_TWO if n <= 2 else RIVAL
+    # Of one button the mirrored pose is always told.
     rivals = tuple(
-        k for k, other in enumerate(adjustment.solutions[1:], 1) if other.cost - best.cost < limit
+        k
+        for k, other in enumerate(adjustment.solutions[1:], 1)
+        if n == 1
+        or (other.cost - best.cost < limit and not _covered(other.rotation, best.rotation, cov))
     )
     std, std_given_focal = rotation_std(best, cov)
     if not std < DETERMINED_STD_RAD:
@@ -136,6 +145,8 @@ def judge(
         reasons.append("one button only: its tilt to one side and to the other look alike")
     elif rivals:
         reasons.append("two poses fit about as well: tilted to one side or to the other")
+    if adjustment.model.scale_latent >= 0:
+        reasons += contradictions(adjustment.model, best)
     if adjustment.other_roll is not None:
         reasons.append("round buttons whose rows and columns cannot be told apart")
     if std_given_focal > OK_STD_RAD or std > OK_STD_UNKNOWN_FOCAL_RAD:
@@ -143,18 +154,21 @@ def judge(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
         )
-    if cov[FOCAL, FOCAL] > FOCAL_OBSERVABLE**2:
-        if aspect_std is not None and aspect_std > OK_ASPECT_STD:
-            off = 100 * aspect_std
-            reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
-        elif n <= SMALL_PANEL:
-            reasons.append("the focal length is not known, and too few buttons to tell it")
+    shows = cov[FOCAL, FOCAL] <= FOCAL_OBSERVABLE**2
+    if not shows and aspect_std is not None and aspect_std > OK_ASPECT_STD:
+        off = 100 * aspect_std
+        reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
+    focal_std = 1 / adjustment.model.focal_isd if adjustment.model.focal_isd > 0 else 0.0
+    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE:
+        reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
     if n > 1 and (n - aside < 2 or (conflict and few)):
         reasons.append("the outlines contradict each other and are too few to tell which is wrong")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
-    if sigma_px > BAD_FIT * float(middle(size_px)):
+    elif not small and adjustment.sigma_factor > 1 and _above(adjustment) > CONTRADICTION:
+        reasons.append("the outlines do not fit one flat panel of such buttons in rows and columns")
+    if sigma_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
         reasons.append(
             f"the outlines miss a flat panel by {sigma_px:.1f} px: wrong outlines, or no plane"
         )
@@ -165,12 +179,22 @@ def judge(
     return Verdict("uncertain" if reasons else "ok", tuple(reasons), rivals)
 
 
+def _covered(rotation: FloatArray, best: FloatArray, cov: FloatArray) -> bool:
+    """Whether the stated deviations allow for this rotation anyway."""
+    block = cov[:FOCAL, :FOCAL]
+    if not np.isfinite(block).all() or np.linalg.eigvalsh(block)[-1] > DETERMINED_STD_RAD**2:
+        return False
+    w = rotation_log(best.T @ rotation)
+    return bool(w @ np.linalg.solve(block, w) < COVERED)
+
+
 def _contradictory(adjustment: Adjustment) -> bool:
     """Whether something does not fit, be it an outline or a row."""
-    best, groups = adjustment.solutions[0], len(adjustment.model.square_isd)
-    freedom = max(6 * len(best.chi2) - 3 - 2 * groups, 1)  # eight residuals, two for (x, y)
-    excess = best.cost - freedom > CONTRADICTION * np.sqrt(2 * freedom)
-    return bool(excess or adjustment.sigma_factor > 1)
+    return _above(adjustment) > CONTRADICTION or adjustment.sigma_factor > 1
+
+
+def _above(adjustment: Adjustment) -> float:
+    return excess(adjustment.seen, adjustment.model, adjustment.solutions[0].cost)
 
 
 def _undetermined(n: int) -> str:

@@ -1,6 +1,13 @@
 """Simulated panels and cameras with exact ground truth, shared by tests and benchmarks."""
 
-from fronto.synth.layouts import Layout, LayoutButton, car_layout, circle_layout, hall_layout
+from fronto.synth.layouts import (
+    Layout,
+    LayoutButton,
+    car_layout,
+    circle_layout,
+    hall_layout,
+    imprecise,
+)
 from fronto.synth.scene import PAPER_CAMERA, Scene, observe, sample_scene
 
 __all__ = [
@@ -11,6 +18,7 @@ __all__ = [
     "car_layout",
     "circle_layout",
     "hall_layout",
+    "imprecise",
     "observe",
     "sample_scene",
 ]

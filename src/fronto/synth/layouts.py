@@ -6,13 +6,13 @@ panel's centre.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fronto.shapes import FloatArray, Shape
 
-__all__ = ["Layout", "LayoutButton", "car_layout", "circle_layout", "hall_layout"]
+__all__ = ["Layout", "LayoutButton", "car_layout", "circle_layout", "hall_layout", "imprecise"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,24 @@ class Layout:
         half = np.array([(b.width / 2, b.height / 2) for b in self.buttons]).reshape(-1, 1, 2)
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return np.asarray(self.centers[:, None] + half * signs)
+
+
+def imprecise(rng: np.random.Generator, layout: Layout, tolerance_m: float) -> Layout:
+    """The panel as it was made: positions and sizes off by Gaussian `tolerance_m` each."""
+    buttons = []
+    for button in layout.buttons:
+        dx, dy, dw, dh = rng.normal(0.0, tolerance_m, 4)
+        height = button.width + dw if button.shape == "ellipse" else button.height + dh
+        buttons.append(
+            replace(
+                button,
+                x=button.x + dx,
+                y=button.y + dy,
+                width=button.width + dw,
+                height=height,
+            )
+        )
+    return replace(layout, buttons=tuple(buttons))
 
 
 def hall_layout(

@@ -23,6 +23,9 @@ __all__ = ["PAPER_CAMERA", "Scene", "observe", "sample_scene"]
 #: The paper's camera (Section V).
 PAPER_CAMERA = Camera.from_matrix([[320, 0, 320], [0, 320, 240], [0, 0, 1]], 640, 480)
 
+#: Draws that are refused this often are never accepted.
+MAX_TRIES = 10_000
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -121,8 +124,13 @@ def sample_scene(
     max_oblique_deg
         Largest angle between the panel's normal and the ray to its centre: beyond it
         buttons are slivers that nobody can outline.
+
+    Raises
+    ------
+    InputError
+        If none of 10,000 draws meets the arguments.
     """
-    while True:
+    for _ in range(MAX_TRIES):
         panel = layout(rng)
         rotation = rotation_from_angles(*np.radians(rng.uniform(-max_angle_deg, max_angle_deg, 3)))
         distance = rng.uniform(*distance_m)
@@ -143,17 +151,31 @@ def sample_scene(
         scene = Scene(panel, camera, rotation, translation, (), ())
         truth = tuple(_outline(k, corners, scene) for k in range(len(panel.buttons)))
         return replace(scene, truth=truth, outlines=truth)
+    raise InputError(
+        "sample_scene",
+        f"expected views with all buttons in the photo, sides of at least {min_side_px:g} px "
+        f"(min_side_px) and at most {max_oblique_deg:g} degrees oblique (max_oblique_deg), got "
+        f"none in {MAX_TRIES} draws of layout, max_angle_deg={max_angle_deg:g}, "
+        f"distance_m={distance_m} and spread={spread:g}",
+        "lower min_side_px, raise max_oblique_deg or the distance, or draw a smaller layout",
+    )
 
 
 def _noisy_quad(rng: np.random.Generator, outline: Outline, sigma: float, std: float) -> Outline:
     """Noise on every corner; draws that are no convex quadrilateral are drawn again."""
     assert outline.corners_px is not None
-    while True:
+    for _ in range(MAX_TRIES):
         corners = outline.corners_px + rng.normal(0, 1, (4, 2)) * sigma
         try:
             return replace(outline, corners_px=corners, std_px=std)
         except InputError:
             continue
+    raise InputError(
+        "sigma_px",
+        f"expected noise that leaves convex quadrilaterals, got {sigma} px and none in "
+        f"{MAX_TRIES} draws",
+        "give a finite number of pixels, small against the buttons",
+    )
 
 
 def _noisy_ellipse(rng: np.random.Generator, outline: Outline, sigma: float) -> Outline:
@@ -200,7 +222,7 @@ def _outlier(rng: np.random.Generator, outline: Outline) -> Outline:
         )
     assert outline.corners_px is not None
     center = outline.center_px
-    while True:
+    for _ in range(MAX_TRIES):
         corners = center + shift + factor * (outline.corners_px - center)
         if kind == 2:
             corners = corners + rng.normal(0, 0.15 * side, (4, 2))
@@ -208,6 +230,11 @@ def _outlier(rng: np.random.Generator, outline: Outline) -> Outline:
             return replace(outline, corners_px=corners)
         except InputError:  # the draw is no convex quadrilateral; draw again
             continue
+    raise InputError(
+        "scene",
+        f"expected a button whose outline can be misshapen, got none in {MAX_TRIES} draws",
+        "draw another scene, or give outlier_share=0",
+    )
 
 
 def observe(
@@ -221,6 +248,11 @@ def observe(
         Standard deviation per coordinate; 0 leaves the outlines exact.
     outlier_share
         Share of scenes in which one button is wrong altogether.
+
+    Raises
+    ------
+    InputError
+        If `sigma_px` is not finite, or none of 10,000 draws is a convex quadrilateral.
     """
     std = max(sigma_px, 0.01)
     noisy = []

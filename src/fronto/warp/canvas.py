@@ -77,8 +77,8 @@ def plan_canvas(
     Raises
     ------
     InputError
-        If the pose has no rotation, puts a button behind the camera, or sees the
-        panel edge-on; if the standard corners do not match the buttons.
+        If the pose has no rotation or a status without one, puts a button behind the
+        camera, or sees the panel edge-on; if the standard corners do not match the buttons.
     """
     corners = _check_pose(pose)
     rotation = np.asarray(pose.rotation, dtype=np.float64)
@@ -154,6 +154,8 @@ def _unusable(pose: PanelPose, what: str) -> InputError:
 
 def _check_pose(pose: PanelPose) -> FloatArray:
     """All button corners as plane points (4n, 3) with z = 1, in front of the camera."""
+    if pose.status not in ("ok", "uncertain"):
+        raise _unusable(pose, "stands for no rotation at all")
     rotation = np.asarray(pose.rotation, dtype=np.float64)
     if rotation.shape != (3, 3) or not np.isfinite(rotation).all():
         raise _unusable(pose, "has no finite 3x3 rotation")

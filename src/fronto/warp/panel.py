@@ -57,10 +57,13 @@ def warp_panel(
         The camera, at the photo's size. Where its focal length is not known
         (`focal_std` > 0), the one that the pose was solved with is used.
     pose
-        The pose; its `plane_corners` say where the panel is.
+        The pose, "ok" or "uncertain"; its `plane_corners` say where the panel is.
     crop
         "panel": the buttons' bounding box and the margin. "full": everything that the
-        photo shows in front of the horizon. "input": a canvas of the photo's size with
+        photo shows in front of the horizon; through a lens with distortion only up to 70
+        degrees off its axis, since the corners of a fisheye's photo are drawn out to
+        needles that would make the canvas huge and empty (what of them falls on it is
+        drawn). "input": a canvas of the photo's size with
         the buttons' centroid at its place in the photo (other parts, even the photo's
         centre, may leave the canvas). Without buttons "panel" means "full", and the
         photo's centre stands in for the centroid.
@@ -92,7 +95,8 @@ def warp_panel(
     ------
     InputError
         If the image is of another size than the camera's, or of no supported type;
-        if the pose has no usable rotation; if an argument is out of range.
+        if the pose has no usable rotation (its status is "degenerate" or "no_buttons",
+        say); if an argument is out of range.
     """
     camera = _focal_of_pose(camera, pose)
     pixels = _check_image(image, camera)
@@ -177,9 +181,13 @@ def _check_arguments(
         if value not in allowed:
             raise InputError(name, f"expected one of {', '.join(allowed)}, got {value!r}")
     if not (math.isfinite(margin) and margin >= 0):
-        raise InputError("margin", f"expected button sides, 0 or more, got {margin}")
+        raise InputError(
+            "margin", f"expected button sides, 0 or more, got {margin}", "0.5 is half a button"
+        )
     if not (math.isfinite(scale) and scale > 0):
-        raise InputError("scale", f"expected a positive number, got {scale}")
+        raise InputError(
+            "scale", f"expected a positive finite number, got {scale}", "1 is the photo's own scale"
+        )
     if not max_pixels >= 1:
         raise InputError("max_pixels", f"expected at least 1 pixel, got {max_pixels}")
 

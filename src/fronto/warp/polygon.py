@@ -16,6 +16,9 @@ __all__ = ["apply_homography", "clip_half_plane", "photo_outline"]
 
 #: Samples along a side of the photo: the chords between them miss 1/4000 of its bulge.
 GRID = 65
+#: A lens that bends rays may show more than a plane can hold: at 85 degrees off its axis a
+#: fisheye's pixel grows 1/cos² = 130 times as long. Rays beyond this angle widen no canvas.
+WIDEST_DEG = 70.0
 
 
 def clip_half_plane(polygon: npt.ArrayLike, line: npt.ArrayLike) -> FloatArray:
@@ -51,7 +54,8 @@ def photo_outline(camera: Camera) -> FloatArray:
 
     The pixels' outer edges: from -0.5 to width - 0.5. With lens distortion it is the convex
     hull of a grid of points, without those that cannot be undistorted (the corners of a
-    fisheye's photo, where a border alone would not close).
+    fisheye's photo, where a border alone would not close), and those more than `WIDEST_DEG`
+    off the axis drawn in to that angle.
     """
     import cv2
 
@@ -59,8 +63,12 @@ def photo_outline(camera: Camera) -> FloatArray:
     if not camera.distorted:
         return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
     x, y = np.linspace(-0.5, right, GRID), np.linspace(-0.5, bottom, GRID)
-    points = camera.undistort_points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-    points = points[np.isfinite(points).all(axis=1)]
+    rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    rays = rays[np.isfinite(rays).all(axis=1)]
+    widest = np.tan(np.radians(WIDEST_DEG))
+    radius = np.hypot(rays[:, 0], rays[:, 1])
+    rays[:, :2] *= (widest / np.maximum(radius, widest))[:, None]
+    points = np.asarray((rays @ camera.matrix.T)[:, :2])
     if len(points) < 3:
         return points
     hull = cv2.convexHull(points.astype(np.float32), returnPoints=False)
