@@ -58,6 +58,7 @@ CONTRADICTION = 3.5
 UPRIGHT_RAD = np.radians(12.0)
 #: An explanation whose cost is within this of the best one cannot be excluded.
 RIVAL = 10.0
+SAME_NORMAL = np.cos(np.radians(1.0))
 #: Before rows and columns count, an optimum this much worse is out of the race.
 OTHER_MODE = 200.0
 #: Readings of the lattice closer than this are one.
@@ -68,6 +69,8 @@ TILT_KNOWN, TILT_UNKNOWN = 30.0, 40.0
 SAME_FOCAL = 0.1
 #: Coarse convergence (in χ²) is enough to tell optima apart.
 COARSE, FINE = 1e-2, 1e-4
+#: What starts near an optimum converges in ten steps; what needs more is no rival.
+STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,7 @@ def _solve_tied(
         member = model.tie_index[:, ::2, None] == np.arange(model.latents)
         count = member.sum(axis=(0, 1))
         parameters[:, first:] = np.einsum("kia,ial->kl", xy, member) / count
-    return solve(seen, model, rotations, parameters, xy, tolerance=FINE)
+    return solve(seen, model, rotations, parameters, xy, tolerance=FINE, max_iterations=STEPS)
 
 
 def _distinct(solutions: list[Solution]) -> list[Solution]:
@@ -298,8 +301,13 @@ def _upright_lattices(found: list[Solution], model: Model) -> list[list[Solution
     Of a lattice's four rolls the most upright one is taken.
     """
     beginnings = []
-    near = [item for item in found[:2] if item.cost - found[0].cost < OTHER_MODE]
-    for solution in near:
+    tilts: list[Solution] = []
+    for solution in found:
+        # Their rolls are arbitrary: only the normals tell optima apart.
+        same = any(solution.rotation[2] @ other.rotation[2] > SAME_NORMAL for other in tilts)
+        if not same and solution.cost - found[0].cost < OTHER_MODE:
+            tilts.append(solution)
+    for solution in tilts[:2]:
         turns = lattice_rolls(solution.xy, typical_width(model, solution))
         if not turns:  # one circle: nothing but "upright" is known
             row0, row1 = solution.rotation[:2]
