@@ -75,6 +75,17 @@ class Template:
                 "expected at least two buttons at different positions",
                 "leave the template out if the layout is not known",
             )
+        sizes = np.array([(b.width_mm or 0.0, b.height_mm or 0.0) for b in self.buttons])
+        apart = np.abs(positions[:, None] - positions)
+        room = 0.5 * (sizes[:, None] + sizes)
+        overlap = (apart < 0.99 * room).all(axis=2) & ~np.eye(len(positions), dtype=bool)
+        if overlap.any():
+            first, second = np.argwhere(overlap)[0]
+            raise InputError(
+                f"template buttons {first} and {second}",
+                "expected buttons side by side, got overlapping ones",
+                "check that positions and sizes are in the same unit, millimetres",
+            )
 
 
 def match_template(template: Template, outlines: Sequence[Outline]) -> list[TemplateButton | None]:

@@ -170,7 +170,9 @@ def judge(
         reasons.append("the outlines do not fit one flat panel of such buttons in rows and columns")
     if sigma_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
         reasons.append(
-            f"the outlines miss a flat panel by {sigma_px:.1f} px: wrong outlines, or no plane"
+            f"the outlines miss a flat panel by {sigma_px:.1f} px: wrong outlines"
+            + (", a wrong template" if adjustment.model.scale_latent >= 0 else "")
+            + " or no plane"
         )
     if abs(np.arctan2(best.rotation[0, 1], best.rotation[0, 0])) > ROLLED_RAD:
         reasons.append(
