@@ -6,7 +6,14 @@ import pytest
 from fronto.pose.bundle import FIRST_GROUP, MAX_GLOBALS, Solution
 from fronto.pose.observations import observations
 from fronto.pose.starts import initial_parameters
-from fronto.pose.structure import base_model, chains, numbered, size_groups, tied_model
+from fronto.pose.structure import (
+    base_model,
+    chains,
+    numbered,
+    size_groups,
+    tied_model,
+    typical_width,
+)
 from fronto.synth import LayoutButton
 
 
@@ -57,7 +64,7 @@ def test_rows_and_columns_are_found_on_the_plane(view, grid, shape):
     # Tilted and rolled by 30°: in the photo nothing lines up.
     panel = view(grid(3, 4, shape=shape), (25, -25, 30))
     _, model, solution = solved(panel)
-    tied = tied_model(model, solution)
+    tied = tied_model(model, solution.xy, typical_width(model, solution))
     columns, rows = tied.tie_index[:, 0], tied.tie_index[:, 2]
     assert same_partition(columns, [0, 1, 2] * 4)
     assert same_partition(rows, np.repeat([0, 1, 2, 3], 3))
@@ -72,7 +79,7 @@ def test_staggered_rows_are_columns_of_their_own(view, grid):
     # Every other row half a button to the right: four columns, not two.
     buttons = [replace(b, x=b.x + 0.015 * (k // 2 % 2)) for k, b in enumerate(grid(2, 4))]
     _, model, solution = solved(view(buttons, (15, -10, 5)))
-    tied = tied_model(model, solution)
+    tied = tied_model(model, solution.xy, typical_width(model, solution))
     assert same_partition(tied.tie_index[:, 0], [0, 2, 1, 3] * 2)
     assert same_partition(tied.tie_index[:, 2], np.repeat([0, 1, 2, 3], 2))
 
@@ -80,7 +87,7 @@ def test_staggered_rows_are_columns_of_their_own(view, grid):
 def test_a_button_by_itself_is_not_tied(view, grid):
     odd = LayoutButton(0.02, 0.13, 0.03, 0.03)  # between the columns, below the rows
     _, model, solution = solved(view((*grid(2, 3), odd), (10, 20, 5), distance_m=0.7))
-    tied = tied_model(model, solution)
+    tied = tied_model(model, solution.xy, typical_width(model, solution))
     assert tied.tie_index[-1, 2] == -1
     assert tied.tie_isd[-1, 1] == 0
     assert tied.tie_index[:-1, 2].min() >= 0
@@ -88,7 +95,7 @@ def test_a_button_by_itself_is_not_tied(view, grid):
 
 def test_a_column_of_one_row_each(view, grid):
     _, model, solution = solved(view(grid(1, 3), (10, 20, 5)))
-    tied = tied_model(model, solution)
+    tied = tied_model(model, solution.xy, typical_width(model, solution))
     assert tied.tie_index[:, 0].tolist() == [0, 0, 0]
     assert tied.tie_index[:, 2].tolist() == [-1, -1, -1]
     assert tied.latents == 1
@@ -107,7 +114,8 @@ def test_more_rows_than_fit_are_left_untied(view, grid):
     )
     model = base_model(many, numbered(many.kind), False, -1.0)
     y, x = np.divmod(np.arange(2 * count), 2)
-    tied = tied_model(model, replace(solution, xy=np.column_stack([x, y]).astype(float)))
+    xy = np.column_stack([x, y]).astype(float)
+    tied = tied_model(model, xy, typical_width(model, solution))
     assert tied.size <= MAX_GLOBALS
     assert tied.tie_index.max() == tied.latents - 1
     assert (tied.tie_index[:, 0] >= 0).all()

@@ -64,6 +64,8 @@ def check_outlines(outlines: Sequence[Outline]) -> None:
     across = corners[:, 1] - corners[:, 0] + corners[:, 2] - corners[:, 3]
     turn = across[:, 0] + 1j * across[:, 1]
     turn /= np.abs(turn)
+    if np.abs(np.angle(turn * turn.sum().conjugate())).max() < 0.5 * _ORDER_RAD:
+        return
     # The direction that most agree with, also where a minority is a quarter turn off.
     agreement = np.abs(np.angle(turn[:, None] / turn)) < _ORDER_RAD
     reference = turn[int(agreement.sum(axis=1).argmax())]

@@ -217,15 +217,11 @@ def _tied(
     solution: Solution,
     shared: _Shared,
 ) -> tuple[Model, FloatArray | None]:
-    # The base model may have other groups than the one that was solved.
-    sizes = np.full(
-        2 * len(base.square_isd), solution.parameters[FIRST_GROUP : FIRST_GROUP + 2].mean()
-    )
-    parameters = np.concatenate([solution.parameters[:FIRST_GROUP], sizes])
-    solution = replace(solution, parameters=parameters)
+    # The base model may have other groups than the one that was solved: the first will do.
+    width = float(np.exp(solution.parameters[FIRST_GROUP : FIRST_GROUP + 2].mean()))
     if shared.template is not None:
-        return templated_model(base, solution, shared.template)
-    return (tied_model(base, solution) if shared.aligned else base), None
+        return templated_model(base, solution.xy, width, shared.template)
+    return (tied_model(base, solution.xy, width) if shared.aligned else base), None
 
 
 def _solve_tied(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from fronto.pose.bundle import (
     Observations,
     back_project,
 )
+from fronto.pose.rotation import rotation_x, rotation_y
 from fronto.shapes import FloatArray
 
 __all__ = [
@@ -44,22 +46,28 @@ def starting_rotations(seen: Observations, tilt_deg: float = 30.0) -> FloatArray
     points = _points(seen)
     angle = np.radians(tilt_deg) / np.sqrt(2)
     for _ in range(6):
-        s, c = np.sin(angle), np.cos(angle)
-        rotations = np.array([_tilt(a * s, c, b * s, c) for a in (1, -1) for b in (1, -1)])
+        rotations = _tilts(angle)
         if (points @ rotations[:, 2].T).min() > _FRONT:
             break
         angle /= 2
     return rotations
 
 
-def _tilt(sx: float, cx: float, sy: float, cy: float) -> list[list[float]]:
-    """R_x R_y from sines and cosines."""
-    return [[cy, 0.0, -sy], [sx * sy, cx, sx * cy], [cx * sy, -sx, cx * cy]]
+@functools.lru_cache(maxsize=32)
+def _tilts(angle: float) -> FloatArray:
+    """R_x R_y with ± the angle about either axis, (4, 3, 3), read-only."""
+    rotations = np.array(
+        [rotation_x(a * angle) @ rotation_y(b * angle) for a in (1.0, -1.0) for b in (1.0, -1.0)]
+    )
+    rotations.setflags(write=False)
+    return rotations
 
 
 def _points(seen: Observations) -> FloatArray:
     """Rays (k, 3) of everything that must stay in front of the camera."""
     quads = seen.observed[seen.kind == QUAD, :8].reshape(-1, 2)
+    if len(quads) == 4 * len(seen.kind):
+        return np.concatenate([quads, np.ones((len(quads), 1))], axis=1)
     tangents = seen.observed[seen.kind == ELLIPSE].reshape(-1, 8, 3)
     # From the ellipse's centre straight to each tangent. Tangents 0 and 4 are parallel, so
     # are 2 and 6: their mid-lines meet in the centre.

@@ -80,16 +80,23 @@ def typical_width(model: Model, solution: Solution) -> float:
     return float(np.exp(middle(widths[model.group])))
 
 
-def tied_model(model: Model, solution: Solution) -> Model:
-    """Tie buttons of one column to a common x and of one row to a common y."""
-    width = typical_width(model, solution)
+def tied_model(model: Model, xy: FloatArray, width: float) -> Model:
+    """Tie buttons of one column to a common x and of one row to a common y.
+
+    Parameters
+    ----------
+    xy
+        (n, 2): where the buttons are, from the pivot, in units of its depth.
+    width
+        Of a typical button, in the same units.
+    """
     n = len(model.group)
     tie_index = np.full((n, 4), -1, dtype=np.intc)
     tie_coef, tie_isd = np.zeros((n, 4)), np.zeros((n, 2))
     latents = 0
     room = MAX_GLOBALS - model.size
     for axis in range(2):
-        labels = chains(solution.xy[:, axis], ALIGN_GAP * width)
+        labels = chains(xy[:, axis], ALIGN_GAP * width)
         sizes = np.bincount(labels)
         # A row of one ties nothing.
         latent = np.cumsum(sizes > 1) - 1 + latents

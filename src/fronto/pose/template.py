@@ -134,9 +134,14 @@ def template_groups(
 
 
 def templated_model(
-    model: Model, solution: Solution, matched: Sequence[TemplateButton | None]
+    model: Model, xy: FloatArray, width: float, matched: Sequence[TemplateButton | None]
 ) -> tuple[Model, FloatArray]:
     """Tie each matched button to scale * (x_mm, y_mm) + offset.
+
+    Parameters
+    ----------
+    xy, width
+        As of `fronto.pose.structure.tied_model`.
 
     Returns
     -------
@@ -145,10 +150,9 @@ def templated_model(
     """
     known = [k for k, button in enumerate(matched) if button is not None]
     mm = np.array([(b.x_mm, b.y_mm) for b in matched if b is not None])
-    xy = solution.xy[known]
+    xy = xy[known]
     spread = mm - mm.mean(axis=0)
     scale = float((spread * (xy - xy.mean(axis=0))).sum() / (spread**2).sum())
-    width = typical_width(model, solution)
     if scale <= 0:
         scale = float(np.linalg.norm(xy - xy.mean(axis=0)) / np.linalg.norm(spread))
     offset = xy.mean(axis=0) - scale * mm.mean(axis=0)
