@@ -173,6 +173,17 @@ def test_what_lies_outside_the_lens_model_is_named() -> None:
         estimate_pose([middle], camera, lines=[line])
 
 
+def test_lines_that_do_not_fit_are_told() -> None:
+    (scene,) = scenes(8, 1, car_layout)
+    first, last = scene.corners_px[0], scene.corners_px[1]
+    along = LineSegment("horizontal", np.array([first[0], last[1]]))
+    wrong = LineSegment("vertical", np.array([first[0], last[1]]))
+    good = estimate_pose(scene.outlines, scene.camera, lines=[along])
+    assert good.notes == ()
+    mixed = estimate_pose(scene.outlines, scene.camera, lines=[along, wrong])
+    assert any("1 of 2 lines" in note for note in mixed.notes)
+
+
 def test_a_tilted_single_button_comes_with_its_mirror_image() -> None:
     def one(rng: np.random.Generator) -> Layout:
         return Layout("hall", (LayoutButton(0, 0, 0.035, 0.035),))

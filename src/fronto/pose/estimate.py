@@ -17,7 +17,15 @@ from fronto.pose.observations import TOLERANCE, observations, undistorted
 from fronto.pose.refine import Adjustment, adjust
 from fronto.pose.starts import middle
 from fronto.pose.template import Template, contradictions, match_template
-from fronto.pose.verdict import FOCAL_OBSERVABLE, Verdict, covariance, judge, weights
+from fronto.pose.verdict import (
+    FOCAL_OBSERVABLE,
+    SET_ASIDE,
+    Verdict,
+    covariance,
+    judge,
+    line_weights,
+    weights,
+)
 from fronto.results import PanelPose
 from fronto.shapes import FloatArray, LineSegment, Outline
 
@@ -235,6 +243,12 @@ def _pose(
             notes.append(
                 f"focal length not observable from this panel, assumed {focal_px:.0f} px"
                 + (f": the aspect may be off by {100 * aspect:.0f} %" if aspect else "")
+            )
+    if len(seen.axis):
+        aside = int((line_weights(found, solution) < SET_ASIDE).sum())
+        if aside:
+            notes.append(
+                f"{aside} of {len(seen.axis)} lines do not fit the panel and were set aside"
             )
     depth = None
     if model.scale_latent >= 0 and not contradictions(model, solution):

@@ -18,7 +18,7 @@ from fronto.pose.template import contradictions
 from fronto.results import Status
 from fronto.shapes import FloatArray
 
-__all__ = ["Verdict", "covariance", "judge", "weights"]
+__all__ = ["Verdict", "covariance", "judge", "line_weights", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
@@ -62,6 +62,19 @@ def weights(adjustment: Adjustment, solution: Solution) -> FloatArray:
     model = adjustment.model
     excess = np.maximum(solution.chi2 - model.button_knee, 0.0)
     return np.asarray(1.0 / (1.0 + excess / model.button_c2))
+
+
+def line_weights(adjustment: Adjustment, solution: Solution) -> FloatArray:
+    """Weight (l,) of each line in the robust loss: 1 = fits, towards 0 = set aside."""
+    seen = adjustment.seen
+    toward = solution.rotation[seen.axis]
+    p, q = seen.segment[:, :2], seen.segment[:, 2:]
+    # From the segment's middle to its vanishing point, as in native/bundle_model.c.
+    u = np.exp(solution.parameters[FOCAL]) * toward[:, :2] - 0.5 * (p + q) * toward[:, 2:]
+    d = 0.5 * (p - q)
+    across = (d[:, 0] * u[:, 1] - d[:, 1] * u[:, 0]) / np.maximum(np.hypot(*u.T), 1e-12)
+    r = np.sqrt(2) * seen.line_isd * across
+    return np.asarray(1.0 / (1.0 + r**2 / adjustment.model.line_c2))
 
 
 def covariance(solution: Solution, model: Model) -> FloatArray:
