@@ -11,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # What an editable install is made from: pip runs again only when one of these changes.
-SOURCES := pyproject.toml hatch_build.py src/fronto/_version.py $(wildcard src/fronto/native/*.[ch])
+SOURCES := pyproject.toml constraints.txt hatch_build.py src/fronto/_version.py $(wildcard src/fronto/native/*.[ch])
 
 # FRONTO_EXTRAS=train,... adds extras to what `make test` and `make lint` install.
 comma := ,
@@ -38,17 +38,19 @@ lint: $(VENV)/.stamp-$(DEV) ## check style, formatting and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/.stamp-bench ## measure accuracy and speed; writes docs/benchmarks.md and the README's table
+bench: $(VENV)/.stamp-bench ## measure accuracy and speed; writes the tables of README.md and docs
 	$(BIN)/python benchmarks/pose.py
 	$(BIN)/python benchmarks/annotated.py
+	$(BIN)/python benchmarks/segmentation.py
 
 docs: $(VENV)/.stamp-docs ## build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "Open site/index.html"
 
-figures: $(VENV)/.stamp-core ## render the examples and the README's picture again
+figures: $(VENV)/.stamp-core ## render the examples and the documents' pictures again
 	$(BIN)/python tools/make_examples.py examples
 	$(BIN)/python tools/make_readme_figure.py docs/images/before_after.png
+	$(BIN)/python tools/make_segment_figure.py docs/images/segmentation.png
 
 clean: ## remove everything that these targets have made
 	rm -rf $(VENV) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -74,5 +76,5 @@ $(VENV)/.stamp-core: $(VENV)/.stamp-venv $(SOURCES)
 # The rest after the dash is a list of extras.
 $(VENV)/.stamp-%: $(VENV)/.stamp-venv $(SOURCES)
 	@echo "Installing fronto[$*] (once) ..."
-	@$(PIP) install --editable '.[$*]'
+	@$(PIP) install --constraint constraints.txt --editable '.[$*]'
 	@touch $@

@@ -9,9 +9,12 @@ from fronto.errors import FrontoError, InputError
 
 if TYPE_CHECKING:
     from fronto.camera import Camera
+    from fronto.engine import Engine
     from fronto.pipeline import rectify_outlines
     from fronto.pose import Template, TemplateButton, estimate_pose
     from fronto.results import Button, Panel, PanelPose, RectifiedView
+    from fronto.segmentation import segment
+    from fronto.segments import Segment, Segments
     from fronto.shapes import Ellipse, LineSegment, Outline, order_corners
     from fronto.warp import map_box, map_ellipse, map_points, warp_panel
 
@@ -19,6 +22,7 @@ __all__ = [
     "Button",
     "Camera",
     "Ellipse",
+    "Engine",
     "FrontoError",
     "InputError",
     "LineSegment",
@@ -26,6 +30,8 @@ __all__ = [
     "Panel",
     "PanelPose",
     "RectifiedView",
+    "Segment",
+    "Segments",
     "Template",
     "TemplateButton",
     "__version__",
@@ -35,6 +41,7 @@ __all__ = [
     "map_points",
     "order_corners",
     "rectify_outlines",
+    "segment",
     "warp_panel",
 ]
 
@@ -42,9 +49,12 @@ __all__ = [
 #: does not wait for NumPy.
 _HOMES = {
     "fronto.camera": ("Camera",),
+    "fronto.engine": ("Engine",),
     "fronto.pipeline": ("rectify_outlines",),
     "fronto.pose": ("Template", "TemplateButton", "estimate_pose"),
     "fronto.results": ("Button", "Panel", "PanelPose", "RectifiedView"),
+    "fronto.segmentation": ("segment",),
+    "fronto.segments": ("Segment", "Segments"),
     "fronto.shapes": ("Ellipse", "LineSegment", "Outline", "order_corners"),
     "fronto.warp": ("map_box", "map_ellipse", "map_points", "warp_panel"),
 }

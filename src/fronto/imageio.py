@@ -15,7 +15,7 @@ from fronto.files import write_bytes
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["read_image", "write_png"]
+__all__ = ["read_image", "upright_pixels", "write_png"]
 
 #: Pillow itself refuses more than 179 million pixels, and that limit is global.
 MAX_PIXELS = 150_000_000
@@ -64,7 +64,7 @@ def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> npt.NDArray
                 if image.width * image.height > max_pixels:
                     raise _too_large(thing, max_pixels)
                 image.load()
-                pixels = _pixels(image, thing)
+                pixels = upright_pixels(image, thing)
     except InputError:
         raise
     except Image.DecompressionBombError:
@@ -160,7 +160,7 @@ def _too_large(thing: str, max_pixels: int) -> InputError:
     )
 
 
-def _pixels(image: Image.Image, thing: str) -> npt.NDArray[Any]:
+def upright_pixels(image: Image.Image, thing: str) -> npt.NDArray[Any]:
     """Decoded pixels (h, w, 3), turned upright."""
     turn = _orientation(image)
     if image.mode in GREY_16 or image.mode in WIDE:

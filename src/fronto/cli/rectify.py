@@ -1,9 +1,7 @@
-"""The command line: parses, calls the pipeline, prints one line a photo."""
+"""``fronto rectify``: photos and their buttons' outlines to head-on views."""
 
 from __future__ import annotations
 
-import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fronto._version import __version__
+from fronto.cli.shared import (
+    BAD_INPUT,
+    FILE,
+    NOT_OK,
+    POSITIVE,
+    SOME_FAILED,
+    FiniteRange,
+    check_outputs,
+    counted,
+    say,
+)
 from fronto.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,47 +27,10 @@ if TYPE_CHECKING:
     from fronto.panelfile import PanelFiles
     from fronto.results import Panel
 
-__all__ = ["main"]
-
-# Exit codes.
-SOME_FAILED, BAD_INPUT, NOT_OK = 1, 2, 3
-
-FILE = click.Path(path_type=Path)
+__all__ = ["command"]
 
 
-class _Range(click.FloatRange):
-    """A range of finite numbers: NaN lies in every range, as comparisons have it."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        number = float(super().convert(value, param, ctx))
-        if not math.isfinite(number):
-            self.fail(f"expected a finite number, got {value}; give one in digits.", param, ctx)
-        return number
-
-
-POSITIVE = _Range(min=0, min_open=True)
-
-
-class _Group(click.Group):
-    """Commands whose wrong input is one line on stderr and exit code 2."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except InputError as error:
-            _say(f"Error: {error}", err=True)
-            ctx.exit(BAD_INPUT)
-
-
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="fronto", message="%(prog)s %(version)s")
-def main() -> None:
-    """A head-on view of any elevator button panel, from one photo."""
-
-
-@main.command(short_help="Turn photos of panels into head-on views.")
+@click.command(name="rectify", short_help="Turn photos of panels into head-on views.")
 @click.argument("photos", nargs=-1, required=True, type=FILE, metavar="PHOTO...")
 @click.option(
     "--outlines",
@@ -79,7 +50,7 @@ def main() -> None:
 )
 @click.option(
     "--hfov",
-    type=_Range(0, 180, min_open=True, max_open=True),
+    type=FiniteRange(0, 180, min_open=True, max_open=True),
     metavar="DEG",
     help="The camera's horizontal field of view instead.",
 )
@@ -106,13 +77,17 @@ def main() -> None:
 @click.option("--scale", type=POSITIVE, default=1.0, show_default=True, help="Its enlargement.")
 @click.option(
     "--margin",
-    type=_Range(min=0),
+    type=FiniteRange(min=0),
     default=0.5,
     show_default=True,
     help="Around the buttons, in button sides (--crop panel).",
 )
 @click.option(
-    "--range-deg", type=_Range(), nargs=2, metavar="A B", help="Grid: the angles' range.  [-40 40]"
+    "--range-deg",
+    type=FiniteRange(),
+    nargs=2,
+    metavar="A B",
+    help="Grid: the angles' range.  [-40 40]",
 )
 @click.option("--step-deg", type=POSITIVE, metavar="DEG", help="Grid: its step.  [0.5]")
 @click.option("--criterion", type=click.Choice(["inverse", "paper"]), help="Grid: K_rV.  [inverse]")
@@ -126,7 +101,7 @@ def main() -> None:
 @click.option("--strict", is_flag=True, help="Exit with 3 when any result is not ok.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 @click.pass_context
-def rectify(
+def command(
     ctx: click.Context,
     /,
     photos: Sequence[Path],
@@ -167,33 +142,16 @@ def rectify(
         try:
             panel, files = job.run(source, include_unsure, arguments)
         except InputError as error:
-            _say(f"Error: {error}", err=True)
+            say(f"Error: {error}", err=True)
             failed += 1
             continue
         not_ok += panel.status != "ok"
         if not quiet:
-            _say(_verdict(panel, files))
+            say(_verdict(panel, files))
     if failed:
         ctx.exit(SOME_FAILED if failed < len(jobs) else BAD_INPUT)
     if strict and not_ok:
         ctx.exit(NOT_OK)
-
-
-@main.command(name="camera", short_help="Print a camera file as fronto reads it.")
-@click.argument("file", type=FILE)
-@click.option("--width", type=click.IntRange(min=1), metavar="PX", help="The photo's width.")
-@click.option("--height", type=click.IntRange(min=1), metavar="PX", help="The photo's height.")
-def show_camera(file: Path, width: int | None, height: int | None) -> None:
-    """Print the camera in FILE as JSON, to check a calibration.
-
-    With --width and --height: as scaled to photos of that size.
-    """
-    from fronto.camera import Camera
-    from fronto.files import json_bytes
-
-    camera = Camera.from_file(file, width, height)
-    values = {**camera.to_dict(), "horizontal_fov_deg": camera.horizontal_fov_deg}
-    click.echo(json_bytes(values).decode(), nl=False)
 
 
 @dataclass(frozen=True)
@@ -276,31 +234,13 @@ def _jobs(
             f"got {'a file' if outlines.exists() else 'nothing there'}",
             "give a folder, or one photo",
         )
-    if output.exists() and not output.is_dir():
-        raise InputError(f"--output {output}", "expected a folder, got a file", "choose another")
     jobs = [
         _Job(photo, outlines / f"{photo.stem}.json" if folder else outlines, output)
         for photo in photos
     ]
-    inputs = {path.resolve() for job in jobs for path in (job.photo, job.outlines)}
-    inputs |= {path.resolve() for path in others if path is not None}
-    seen: dict[str, Path] = {}
-    for job in jobs:
-        # Some file systems do not tell upper from lower case.
-        other = seen.setdefault(job.photo.stem.casefold(), job.photo)
-        if other is not job.photo:
-            raise InputError(
-                f"photos {other} and {job.photo}",
-                "expected different stems, got one name for both results",
-                "rename one, or use another folder for it",
-            )
-        for name in output_names(job.photo.stem):
-            if (output / name).resolve() in inputs:
-                raise InputError(
-                    f"--output {output}",
-                    f"expected a folder where results overwrite no input, got {name} in it",
-                    "choose another folder",
-                )
+    inputs = [path for job in jobs for path in (job.photo, job.outlines)]
+    inputs += [path for path in others if path is not None]
+    check_outputs(photos, output, output_names, inputs)
     return jobs
 
 
@@ -352,9 +292,9 @@ def _notes(stated: str, name: str, skipped: int, unused: int) -> tuple[str, ...]
     if stated and Path(stated).name != name:
         notes.append(f"the outlines state another photo: {stated}")
     if skipped:
-        notes.append(f"{_count(skipped, 'unsure outline')} left out")
+        notes.append(f"{counted(skipped, 'unsure outline')} left out")
     if unused:
-        notes.append(f"{_count(unused, 'line')} left out: the grid search does not use them")
+        notes.append(f"{counted(unused, 'line')} left out: the grid search does not use them")
     return tuple(notes)
 
 
@@ -364,18 +304,7 @@ def _verdict(panel: Panel, files: PanelFiles) -> str:
         angles = " ".join(f"{angle:.1f}" for angle in panel.pose.angles_deg)
         std = max(panel.pose.std_deg)
         parts.append(f"rotation {angles} deg" + (f" ±{std:.1f}" if std == std else ""))
-    parts.append(_count(len(panel.buttons), "button"))
+    parts.append(counted(len(panel.buttons), "button"))
     parts.append(f"camera {panel.pose.camera.source}")
     shown = click.format_filename(files.rectified or files.overlay)
     return f"{panel.image}: {', '.join(parts)} -> {shown}"
-
-
-def _count(number: int, thing: str) -> str:
-    return f"{number} {thing}" + ("" if number == 1 else "s")
-
-
-def _say(line: str, *, err: bool = False) -> None:
-    """Print one line, whatever is in it, on a terminal of whatever encoding."""
-    encoding = (sys.stderr if err else sys.stdout).encoding or "utf-8"
-    text = " ".join(line.split()).encode(encoding, "replace").decode(encoding)
-    click.echo(text, err=err)

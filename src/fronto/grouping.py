@@ -1,0 +1,143 @@
+"""From the network's maps to instances: one box, class and mask per button.
+
+Peaks of the centres start the instances, as in Panoptic-DeepLab (Cheng et al., CVPR 2020);
+each cell joins the peak that the box it votes for (its four sides) fits best.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.shapes import FloatArray
+
+__all__ = ["Instance", "group", "overlaps"]
+
+#: A centre's probability from which on it starts an instance; the same for its masks' mean.
+CENTER, PLATE_CENTER = 0.30, 0.30
+#: Two peaks whose boxes overlap this much (intersection over union) are one.
+SAME = 0.5
+#: A cell votes for a peak if that lies this close to its own idea of the centre, in half sides.
+REACH = 1.1
+#: Most instances of one picture: more than any panel has.
+MAX_INSTANCES = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One button or plate in network pixels.
+
+    Parameters
+    ----------
+    plate
+        Whether it is a plate.
+    confidence
+        Of the centre, 0 to 1.
+    box
+        x0, y0, x1, y1, pixel edges.
+    scores
+        Shape (11,): mean probability of each class over its cells.
+    """
+
+    plate: bool
+    confidence: float
+    box: tuple[float, float, float, float]
+    scores: FloatArray
+
+
+def _peaks(
+    centers: npt.NDArray[np.float32], threshold: float
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows and columns of local maxima, highest first."""
+    import cv2
+
+    highest = cv2.dilate(centers, np.ones((3, 3), np.uint8))
+    rows, columns = np.nonzero((centers >= highest) & (centers > threshold))
+    order = np.argsort(-centers[rows, columns], kind="stable")[:MAX_INSTANCES]
+    return rows[order], columns[order]
+
+
+def _boxes(sides: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Sides (4, n) around points to boxes (n, 4)."""
+    left, top, right, bottom = sides
+    return np.stack([x - left, y - top, x + right, y + bottom], axis=1)
+
+
+def overlaps(box: FloatArray, boxes: FloatArray) -> FloatArray:
+    """Intersection over union of one box with several."""
+    low = np.maximum(box[:2], boxes[:, :2])
+    high = np.minimum(box[2:], boxes[:, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=1)
+    area = (box[2:] - box[:2]).prod()
+    areas = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
+    return np.asarray(shared / np.maximum(area + areas - shared, 1e-9))
+
+
+def group(
+    centers: npt.NDArray[np.float32],
+    sides: npt.NDArray[np.float32],
+    classes: npt.NDArray[np.float32],
+    stride: int,
+) -> list[Instance]:
+    """Find the instances of one picture.
+
+    Parameters
+    ----------
+    centers, sides, classes
+        Shapes (2, h, w), (4, h, w), (11, h, w) as `fronto.train.network.Maps` says, as
+        probabilities and pixels.
+    stride
+        Pixels per cell.
+
+    Returns
+    -------
+    Buttons and plates, surest first.
+    """
+    found: list[Instance] = []
+    offset = (stride - 1) / 2
+    for plane, threshold in ((0, CENTER), (1, PLATE_CENTER)):
+        rows, columns = _peaks(centers[plane], threshold)
+        if len(rows) == 0:
+            continue
+        x, y = columns * stride + offset, rows * stride + offset
+        boxes = _boxes(sides[:, rows, columns].astype(np.float64), x, y)
+        scores = centers[plane, rows, columns]
+        kept: list[int] = []
+        for k in range(len(rows)):
+            if not kept or overlaps(boxes[k], boxes[kept]).max() < SAME:
+                kept.append(k)
+        for k in kept:
+            box, mean = _pooled(boxes[k], sides, classes, stride)
+            found.append(
+                Instance(
+                    plane == 1,
+                    float(scores[k]),
+                    (float(box[0]), float(box[1]), float(box[2]), float(box[3])),
+                    mean,
+                )
+            )
+    return sorted(found, key=lambda i: -i.confidence)
+
+
+def _pooled(
+    box: FloatArray,
+    sides: npt.NDArray[np.float32],
+    classes: npt.NDArray[np.float32],
+    stride: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Median of the boxes that the cells around the middle tell, and their mean classes."""
+    h, w = classes.shape[1:]
+    offset = (stride - 1) / 2
+    middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
+    low = np.ceil((middle - 0.5 * half - offset) / stride).astype(int)
+    high = np.floor((middle + 0.5 * half - offset) / stride).astype(int)
+    nearest = np.clip(np.rint((middle - offset) / stride).astype(int), 0, (w - 1, h - 1))
+    low, high = np.minimum(low, nearest), np.maximum(high, nearest)
+    low, high = np.maximum(low, 0), np.minimum(high, (w - 1, h - 1))
+    part = np.s_[:, low[1] : high[1] + 1, low[0] : high[0] + 1]
+    cells = sides[part].reshape(4, -1).astype(np.float64)
+    y, x = np.mgrid[low[1] : high[1] + 1, low[0] : high[0] + 1] * stride + offset
+    told = _boxes(cells, x.ravel(), y.ravel())
+    return np.median(told, axis=0), classes[part].reshape(len(classes), -1).mean(axis=1)

@@ -1,0 +1,285 @@
+"""Photo to masks: the only room that touches the segmentation model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.categories import CATEGORIES, PLATE
+from fronto.engine import Engine, Maps
+from fronto.errors import InputError
+from fronto.grouping import Instance, group, overlaps
+from fronto.images import as_rgb
+from fronto.scales import View, first_looks, second_scale, tiles
+from fronto.segments import Segment, Segments
+from fronto.shapes import FloatArray
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from PIL import Image
+
+__all__ = ["default_engine", "segment"]
+
+#: Two finds that overlap this much (intersection over union) are the same thing.
+SAME = 0.45
+#: Of a find cut by a tile's edge only a piece is seen; it lies this close to it, network pixels.
+EDGE_PX = 3.0
+#: How far a mask may reach beyond its box, in half sides.
+REACH = 1.15
+#: A mask must fill this share of its box: less is no button, but a flaw.
+LEAST_FILL = 0.25
+
+
+@cache
+def default_engine() -> Engine:
+    """The engine with the packaged weights and all cores; made on first use, then kept."""
+    return Engine()
+
+
+def segment(
+    image: npt.NDArray[Any] | Image.Image | str | Path,
+    *,
+    engine: Engine | None = None,
+    min_confidence: float = 0.5,
+    second_look: bool = True,
+    order: Literal["rgb", "bgr"] = "rgb",
+) -> Segments:
+    """Find the buttons of a panel, and the label plates beside them.
+
+    Photos of any size are brought to about 640 x 480 pixels for the network; where the
+    buttons come out small and the photo has more to show, they are looked at again in tiles.
+
+    Parameters
+    ----------
+    image
+        A file, a Pillow image, or an array: grey, RGB(A) or BGR(A), 8 or 16 bit.
+    engine
+        Weights and threads; None: `default_engine`.
+    min_confidence
+        What is less sure than this is left out.
+    second_look
+        Whether small buttons are looked at again.
+    order
+        Order of an array's channels.
+
+    Returns
+    -------
+    Masks in the photo's pixels, surest first.
+
+    Raises
+    ------
+    InputError
+        If the image is none, or `min_confidence` is not from 0 to 1.
+    """
+    if not 0 <= min_confidence <= 1:
+        raise InputError("min_confidence", f"expected 0 to 1, got {min_confidence}")
+    started = time.perf_counter()
+    rgb = as_rgb(image, order=order)
+    engine = default_engine() if engine is None else engine
+    read = time.perf_counter()
+    finds, network_s = _look(engine, first_looks(rgb), rgb.shape)
+    finds = [f for f in _distinct(finds) if f.confidence >= min_confidence]
+    if second_look and finds:
+        again, more_s = _look_again(engine, rgb, finds)
+        network_s += more_s
+        if again:
+            finds = _distinct([*(f for f in again if f.confidence >= min_confidence), *finds])
+    segments = _segments(finds, rgb.shape[1], rgb.shape[0])
+    total = time.perf_counter() - started
+    timing = {
+        "read": 1e3 * (read - started),
+        "network": 1e3 * network_s,
+        "group": 1e3 * (total - (read - started) - network_s),
+        "total": 1e3 * total,
+    }
+    return Segments(rgb.shape[1], rgb.shape[0], segments, timing_ms=timing)
+
+
+@dataclass(frozen=True, eq=False)
+class _Find:
+    """An instance in the photo, and where to take its mask from."""
+
+    instance: Instance
+    box: FloatArray
+    view: View
+    mask: npt.NDArray[np.float32]
+    confidence: float
+    category: str
+    cut: bool
+
+
+def _look(
+    engine: Engine, views: Sequence[View], shape: tuple[int, ...]
+) -> tuple[list[_Find], float]:
+    """What the network finds in each view, and the seconds that it took."""
+    finds: list[_Find] = []
+    seconds = 0.0
+    for view in views:
+        started = time.perf_counter()
+        maps = engine.run(view.image[None])
+        seconds += time.perf_counter() - started
+        finds += _finds(maps, view, engine.stride, shape)
+    return finds, seconds
+
+
+def _finds(maps: Maps, view: View, stride: int, shape: tuple[int, ...]) -> list[_Find]:
+    finds = []
+    for instance in group(maps.centers[0], maps.sides[0], maps.classes[0], stride):
+        box = view.to_photo(np.array(instance.box).reshape(2, 2))
+        mask = maps.masks[0, int(instance.plate)]
+        confidence, category = _verdict(instance)
+        cut = _cut(instance, view, shape)
+        finds.append(_Find(instance, box.ravel(), view, mask, confidence, category, cut))
+    return finds
+
+
+def _verdict(instance: Instance) -> tuple[float, str]:
+    """Confidence and category: the centre's probability, the mean of the cells' classes."""
+    if instance.plate:
+        return instance.confidence, PLATE
+    best = 1 + int(np.argmax(instance.scores[1:-1]))
+    return instance.confidence, CATEGORIES[best]
+
+
+def _look_again(
+    engine: Engine, rgb: npt.NDArray[np.uint8], finds: Sequence[_Find]
+) -> tuple[list[_Find], float]:
+    """Tiles around small finds, at a scale that suits them."""
+    boxes = np.stack([f.box for f in finds])
+    sides = (boxes[:, 2:] - boxes[:, :2]).min(axis=1)
+    scale = second_scale(finds[0].view.sx, sides)
+    if scale is None:
+        return [], 0.0
+    views = tiles(rgb, boxes, scale)
+    return _look(engine, views, rgb.shape)
+
+
+def _cut(instance: Instance, view: View, shape: tuple[int, ...]) -> bool:
+    """Whether a tile's edge, and not the photo's, may have cut it."""
+    x0, y0, x1, y1 = instance.box
+    return (
+        (view.x0 > 0 and x0 < EDGE_PX)
+        or (view.y0 > 0 and y0 < EDGE_PX)
+        or (view.x0 + view.width < shape[1] and x1 > view.columns - 1 - EDGE_PX)
+        or (view.y0 + view.height < shape[0] and y1 > view.rows - 1 - EDGE_PX)
+    )
+
+
+def _distinct(finds: Sequence[_Find]) -> list[_Find]:
+    """Drop what was found twice: whole ones stay, of the closer look, and then the surer."""
+    ranked = sorted(finds, key=lambda f: (f.cut, -round(f.view.sx, 3), -f.confidence))
+    kept: list[_Find] = []
+    for find in ranked:
+        if not kept or _sameness(find, np.stack([k.box for k in kept])) < SAME:
+            kept.append(find)
+    return sorted(kept, key=lambda f: -f.confidence)
+
+
+def _sameness(find: _Find, boxes: FloatArray) -> float:
+    """Largest overlap with one of the boxes; of a piece of something: the share inside one."""
+    if not find.cut:
+        return float(overlaps(find.box, boxes).max())
+    low = np.maximum(find.box[:2], boxes[:, :2])
+    high = np.minimum(find.box[2:], boxes[:, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=1)
+    return float(shared.max() / (find.box[2:] - find.box[:2]).prod())
+
+
+def _segments(finds: Sequence[_Find], width: int, height: int) -> tuple[Segment, ...]:
+    if not finds:
+        return ()
+    boxes = np.stack([f.box for f in finds])
+    segments = []
+    for k, find in enumerate(finds):
+        found = _segment(find, boxes, k, width, height)
+        if found is not None:
+            segments.append(found)
+    return tuple(segments)
+
+
+def _segment(find: _Find, boxes: FloatArray, index: int, width: int, height: int) -> Segment | None:
+    import cv2
+
+    box = boxes[index]
+    reach = (REACH - 1) / 2 * (box[2:] - box[:2]) + 1
+    low = np.clip(np.floor(box[:2] - reach), 0, (width - 1, height - 1)).astype(int)
+    high = np.clip(np.ceil(box[2:] + reach), 0, (width - 1, height - 1)).astype(int)
+    columns, rows = high - low + 1
+    # Of the photo's pixels (x, y) of this part: where they are in the network's picture.
+    (u0, v0), (u1, v1) = find.view.to_network([low, low + 1])
+    inverse = np.array([[u1 - u0, 0, u0], [0, v1 - v0, v0]])
+    probability = cv2.warpAffine(
+        find.mask,
+        inverse,
+        (int(columns), int(rows)),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    probability = np.asarray(probability, np.float32).reshape(rows, columns)
+    probability[~_owned(boxes, index, low, rows, columns)] = 0
+    probability = _largest_piece(probability)
+    seen = np.clip(box, -0.5, np.array([width, height, width, height]) - 0.5)
+    area = float((seen[2:] - seen[:2]).prod())
+    if area <= 0 or (probability > 0.5).sum() < LEAST_FILL * area:
+        return None
+    edges = seen == (-0.5, -0.5, width - 0.5, height - 0.5)
+    return Segment(
+        find.category,
+        find.confidence,
+        (float(seen[0]), float(seen[1]), float(seen[2]), float(seen[3])),
+        (int(low[0]), int(low[1])),
+        probability,
+        tuple(float(s) for s in find.instance.scores),
+        truncated=bool(edges.any()),
+    )
+
+
+def _owned(
+    boxes: FloatArray, index: int, low: npt.NDArray[np.intp], rows: int, columns: int
+) -> npt.NDArray[np.bool_]:
+    """Shape (rows, columns): pixels closer to this box's middle than to a neighbour's.
+
+    Distances are in half sides, so that the border of two boxes of different size lies
+    between them; masks that touch are told apart so.
+    """
+    x, y = low[0] + np.arange(columns), (low[1] + np.arange(rows))[:, None]
+
+    def distance(box: FloatArray) -> FloatArray:
+        middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
+        return np.asarray(
+            np.maximum(np.abs(x - middle[0]) / half[0], np.abs(y - middle[1]) / half[1])
+        )
+
+    own = distance(boxes[index])
+    owned = own <= REACH
+    near = (
+        (boxes[:, 0] < low[0] + columns)
+        & (boxes[:, 2] > low[0])
+        & (boxes[:, 1] < low[1] + rows)
+        & (boxes[:, 3] > low[1])
+    )
+    near[index] = False
+    for k in np.flatnonzero(near):
+        owned &= own <= distance(boxes[k])
+    return np.asarray(owned)
+
+
+def _largest_piece(probability: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Without specks that hang together with nothing."""
+    import cv2
+
+    inside = (probability > 0.5).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
+    if count <= 2:
+        return probability
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    result = probability.copy()
+    result[(labels != largest) & (labels > 0)] = 0
+    return result

@@ -1,0 +1,1 @@
+"""Training of the segmentation network: the only room that PyTorch enters."""

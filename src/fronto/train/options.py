@@ -1,0 +1,144 @@
+"""How a training run is described: a TOML file, checked field by field.
+
+Every field may be left out::
+
+    renders = 0.5           # share of rendered panels among the training pictures
+
+    [fit]
+    steps = 20000
+    batch = 8
+
+    [network]               # of a network that starts from nothing or from a bare backbone
+    channels = 128
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+
+from fronto.errors import InputError
+from fronto.files import decode_json, read_bytes
+from fronto.train.fit import FitOptions
+from fronto.train.network import NetworkOptions
+
+__all__ = ["TrainOptions", "read_options"]
+
+MAX_BYTES = 100_000
+#: Least values of whole numbers in "fit".
+LEAST = {"steps": 1, "batch": 1, "size": 64, "warmup": 0, "seed": 0, "workers": 0, "save_every": 1}
+#: The network halves its input four times.
+MULTIPLE = 16
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """A training run.
+
+    Parameters
+    ----------
+    renders
+        Share of rendered panels among the training pictures, 0 to 1.
+    reuse
+        How often each render is used, with other cuts and disturbances, on average.
+    pixels
+        Photos are scaled to this many pixels, as for inference.
+    fit
+        Steps, learning rate, ...
+    network
+        Of a network that starts from nothing or a bare backbone; None: that of the weights
+        it starts from, or the package's own.
+
+    Raises
+    ------
+    InputError
+        Naming the field that is out of range.
+    """
+
+    renders: float = 0.4
+    reuse: int = 4
+    pixels: int = 640 * 480
+    fit: FitOptions = field(default_factory=FitOptions)
+    network: NetworkOptions | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.renders <= 1:
+            raise InputError("renders", f"expected a share from 0 to 1, got {self.renders:g}")
+        for name, value, least in (("reuse", self.reuse, 1), ("pixels", self.pixels, 4096)):
+            if value < least:
+                raise InputError(name, f"expected {least} or more, got {value}")
+        _check_fit(self.fit)
+        if self.network is not None:
+            _check_network(self.network)
+
+
+def read_options(path: Path) -> TrainOptions:
+    """Read options from a TOML file.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the field: no TOML, an unknown field, a wrong type or value.
+    """
+    thing = f"options file {path}"
+    content = read_bytes(path, thing, MAX_BYTES)
+    try:
+        values = tomllib.loads(content.decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        raise InputError(thing, "expected UTF-8, got other bytes", "save it as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(thing, f"expected TOML, got: {error}", "correct it there") from None
+    _check_names(values, TrainOptions, thing, "")
+    try:
+        text = msgspec.json.encode(values)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(thing, "expected plain numbers and texts", "correct it") from None
+    return decode_json(text, TrainOptions, thing)
+
+
+def _check_names(values: Mapping[str, Any], kind: type, thing: str, prefix: str) -> None:
+    """Refuse names that are no fields: msgspec would pass over them."""
+    assert is_dataclass(kind)
+    names = [known.name for known in fields(kind)]
+    hints = get_type_hints(kind)
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(
+                f"{thing}, {prefix}{name}",
+                f"expected one of {', '.join(names)}",
+                "correct the name, or leave it out",
+            )
+        inner = next((t for t in (hints[name], *get_args(hints[name])) if is_dataclass(t)), None)
+        if isinstance(inner, type) and isinstance(value, Mapping):
+            _check_names(value, inner, thing, f"{prefix}{name}.")
+
+
+def _check_fit(fit: FitOptions) -> None:
+    for name, least in LEAST.items():
+        value = getattr(fit, name)
+        if value < least:
+            raise InputError(f"fit.{name}", f"expected {least} or more, got {value}")
+    if fit.size % MULTIPLE:
+        raise InputError("fit.size", f"expected a multiple of {MULTIPLE}, got {fit.size}")
+    if not (math.isfinite(fit.rate) and fit.rate > 0):
+        raise InputError("fit.rate", f"expected a number above 0, got {fit.rate:g}")
+    if not (math.isfinite(fit.decay) and fit.decay >= 0):
+        raise InputError("fit.decay", f"expected 0 or more, got {fit.decay:g}")
+    if not 0 <= fit.average < 1:
+        raise InputError("fit.average", f"expected 0 or more and below 1, got {fit.average:g}")
+
+
+def _check_network(network: NetworkOptions) -> None:
+    for name, value in (("channels", network.channels), ("decoder", network.decoder)):
+        if value < 2:
+            raise InputError(f"network.{name}", f"expected 2 or more, got {value}")
+    if network.output_stride not in (8, 16):
+        raise InputError("network.output_stride", f"expected 8 or 16, got {network.output_stride}")
+    if min(network.rates) < 1:
+        raise InputError("network.rates", f"expected 1 or more each, got {min(network.rates)}")

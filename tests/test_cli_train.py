@@ -1,0 +1,168 @@
+"""`fronto train`, `fronto export` and `fronto curves`."""
+
+from __future__ import annotations
+
+import csv
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from fronto.cli import main
+from fronto.cli.train import TRAIN_MODULES
+
+needs_torch = pytest.mark.skipif(
+    any(find_spec(name) is None for name in TRAIN_MODULES), reason="the extra train is missing"
+)
+TINY = ["--batch", 2, "--size", 64, "--workers", 0, "--seed", 1, "--quiet"]
+NETWORK = "[fit]\nsave_every = 1\nwarmup = 1\n[network]\nchannels = 4\ndecoder = 4\n"
+
+
+def run(*arguments: Any) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def refused(result: Result, *words: object) -> None:
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    for word in words:
+        assert str(word) in result.stderr
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """Two photos of bright squares, labelled in LabelMe."""
+    folder = tmp_path / "data"
+    folder.mkdir()
+    for name in "ab":
+        image = np.full((120, 160, 3), 40, np.uint8)
+        image[30:70, 40:80] = 220
+        Image.fromarray(image).save(folder / f"{name}.png")
+        shape = {"label": "up", "points": [[40, 30], [80, 70]], "shape_type": "rectangle"}
+        values = {
+            "shapes": [shape],
+            "imagePath": f"{name}.png",
+            "imageWidth": 160,
+            "imageHeight": 120,
+        }
+        (folder / f"{name}.json").write_text(json.dumps(values))
+    return folder
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> Path:
+    path = tmp_path / "options.toml"
+    path.write_text(NETWORK)
+    return path
+
+
+@pytest.mark.parametrize("command", [["train", "-o", "run"], ["export", "run", "-o", "out"]])
+def test_without_torch_it_says_what_to_install(
+    command: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "fronto.cli.shared.find_spec", lambda name: None if name == "torch" else find_spec(name)
+    )
+    result = run(*command)
+    refused(result, "torch", "pip install 'fronto[train]'")
+    assert result.stderr.count("\n") == 1
+
+
+@needs_torch
+def test_train_go_on_and_export(
+    data: Path, options: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "run"
+    common = ["train", data, "-o", out, "--options", options, "--renders", 0, *TINY]
+    first = run(*common, "--start", "none", "--steps", 2, "--val", data)
+    assert first.exit_code == 0, first.output
+    with (out / "metrics.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["1", "2"]
+    assert "val_recall" in rows[0]
+    noted = json.loads((out / "options.json").read_bytes())
+    assert noted["data"] == ["data"]
+    assert noted["fit"]["size"] == 64
+
+    # The run's own network goes on, whatever it might start from otherwise.
+    second = run(*common, "--steps", 3, "--val", data)
+    assert second.exit_code == 0, second.output
+    assert len((out / "metrics.csv").read_text().splitlines()) == 4
+
+    # Another run goes on from its checkpoint.
+    third = ["train", data, "-o", tmp_path / "third", "--renders", 0, *TINY, "--steps", 1]
+    result = run(*third, "--start", out / "last.pt")
+    assert result.exit_code == 0, result.output
+
+    def export(network: Any, directory: Path, name: str, metadata: dict[str, str]) -> Path:
+        assert network.options.decoder == 4
+        assert metadata == {"version": "3", "license": "MIT", "training_data": "two photos"}
+        directory.mkdir()
+        (directory / f"{name}.onnx").write_bytes(b"weights")
+        return directory / f"{name}.onnx"
+
+    monkeypatch.setattr("fronto.train.export.export_onnx", export)
+    stated = ["--name", "mine", "--version", "3", "--license", "MIT", "--data", "two photos"]
+    exported = run("export", out, "-o", tmp_path / "weights", *stated)
+    assert exported.exit_code == 0, exported.output
+    assert exported.stdout.rstrip().endswith(str(tmp_path / "weights" / "mine.onnx"))
+
+
+@needs_torch
+def test_train_refuses(data: Path, options: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    common = ["train", data, "-o", out, *TINY, "--steps", 1]
+    refused(run(*common, "--start", tmp_path / "none.pt"), "none.pt")
+    refused(run(*common, "--start", tmp_path / "none.onnx"), "none.onnx")
+    refused(run(*common, "--start", tmp_path / "none.npz"), "none.npz")
+    refused(run(*common, "--start", "best"), "--start")
+    refused(run(*common, "--options", tmp_path / "none.toml"), "none.toml")
+    refused(run(*common, "--start", "none", "--val", tmp_path / "nowhere"), "nowhere")
+    refused(run("train", tmp_path / "no data", "-o", out, *TINY), "no data")
+    refused(run("train", "-o", out, *TINY, "--renders", 0.5), "DATA")
+    options.write_text("[fit]\nstep = 3")
+    refused(run(*common, "--options", options), options, "fit.step")
+    refused(run(*common, "--size", 100, "--start", "none"), "fit.size")
+    assert not out.exists()
+
+
+@needs_torch
+def test_export_refuses(tmp_path: Path) -> None:
+    refused(run("export", tmp_path, "-o", tmp_path / "out"), "last.pt")
+    bad = tmp_path / "bad.pt"
+    bad.write_bytes(b"no checkpoint")
+    refused(run("export", bad, "-o", tmp_path / "out"), bad)
+    refused(run("export", bad, "-o", tmp_path / "out", "--name", "a/b"), "--name")
+
+
+def metrics(folder: Path, text: str) -> Path:
+    folder.mkdir()
+    (folder / "metrics.csv").write_text(text)
+    return folder
+
+
+def test_curves(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    first = metrics(tmp_path / "a", "step,classes,val_f1,seconds\n1,0.5,nan,3\n2,0.4,0.1,4\n")
+    second = metrics(tmp_path / "b", "step,classes,seconds\n1,0.6,3\n")
+    result = run("curves", first, second, "-o", tmp_path / "curves.png")
+    assert result.exit_code == 0, result.output
+    with Image.open(tmp_path / "curves.png") as picture:
+        assert picture.width > picture.height
+
+
+def test_curves_refuse(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    refused(run("curves", tmp_path, "-o", tmp_path / "c.png"), "metrics.csv")
+    odd = metrics(tmp_path / "odd", "step,loss\n1,2\n2,3,4\n")
+    refused(run("curves", odd, "-o", tmp_path / "c.png"), "line 3")
+    other = metrics(tmp_path / "other", "a,b\n1,2\n")
+    refused(run("curves", other, "-o", tmp_path / "c.png"), "step")
+    good = metrics(tmp_path / "good", "step,loss\n1,2\n")
+    refused(run("curves", good, "-o", tmp_path / "c.xyz"), "c.xyz")
+    assert not (tmp_path / "c.png").exists()

@@ -1,0 +1,189 @@
+"""Photo to masks through an engine that knows the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fronto.categories import CATEGORIES
+from fronto.engine import Maps
+from fronto.errors import InputError
+from fronto.segmentation import segment
+from fronto.segments import Segment, Segments
+
+
+@dataclass
+class Oracle:
+    """Takes bright things for buttons: boxes are those of bright pieces in what it is shown."""
+
+    stride: int = 4
+    shapes: list[tuple[int, ...]] = field(default_factory=list)
+
+    def run(self, images: npt.NDArray[np.uint8]) -> Maps:
+        import cv2
+
+        self.shapes.append(images.shape)
+        _, height, width, _ = images.shape
+        h, w = height // 4, width // 4
+        bright = images[0].min(axis=2) / np.float32(255)
+        count, _, stats, _ = cv2.connectedComponentsWithStats(
+            (bright > 0.5).astype(np.uint8), connectivity=4
+        )
+        centers = np.zeros((1, 2, h, w), np.float32)
+        sides = np.ones((1, 4, h, w), np.float32)
+        classes = np.zeros((1, 11, h, w), np.float32)
+        classes[:, CATEGORIES.index("up")] = 1
+        x, y = np.meshgrid(np.arange(w) * 4 + 1.5, np.arange(h) * 4 + 1.5)
+        for k in range(1, count):
+            left, top, wide, high, _ = stats[k]
+            x0, y0, x1, y1 = left - 0.5, top - 0.5, left + wide - 0.5, top + high - 0.5
+            near = (x >= x0 - 4) & (x <= x1 + 4) & (y >= y0 - 4) & (y <= y1 + 4)
+            for part, values in enumerate((x - x0, y - y0, x1 - x, y1 - y)):
+                sides[0, part][near] = values[near]
+            j, i = round(((x0 + x1) / 2 - 1.5) / 4), round(((y0 + y1) / 2 - 1.5) / 4)
+            centers[0, 0, min(max(i, 0), h - 1), min(max(j, 0), w - 1)] = 0.9
+        masks = np.stack([bright, np.zeros_like(bright)])[None]
+        return Maps(masks=masks, classes=classes, centers=centers, sides=sides)
+
+
+def _photo(
+    boxes: list[tuple[int, int, int, int]], height: int = 480, width: int = 640
+) -> npt.NDArray[np.uint8]:
+    image = np.zeros((height, width, 3), np.uint8)
+    for x0, y0, x1, y1 in boxes:
+        image[y0:y1, x0:x1] = 255
+    return image
+
+
+def _run(image: npt.NDArray[np.uint8], **options: object) -> Segments:
+    return segment(image, engine=Oracle(), **options)  # type: ignore[arg-type]
+
+
+def test_masks_and_boxes_are_those_of_the_photo() -> None:
+    found = _run(_photo([(100, 50, 140, 90), (300, 200, 380, 260)]))
+    assert (found.width_px, found.height_px, len(found)) == (640, 480, 2)
+    by_x = sorted(found, key=lambda s: s.box_px)
+    np.testing.assert_allclose(by_x[0].box_px, (99.5, 49.5, 139.5, 89.5), atol=1e-4)
+    assert [s.category for s in by_x] == ["up", "up"]
+    assert (found.instance_map() > 0).sum() == 40 * 40 + 80 * 60
+    assert not any(s.truncated for s in found)
+
+
+@pytest.mark.parametrize(
+    ("height", "width"), [(333, 517), (601, 799), (1200, 1601), (150, 203), (97, 1000), (1500, 211)]
+)
+def test_no_size_shifts_the_masks(height: int, width: int) -> None:
+    x0, y0 = width // 3, height // 3
+    box = (x0, y0, x0 + min(70, width // 4), y0 + min(90, height // 4))
+    result = _run(_photo([box], height, width))
+    (found,) = result
+    tolerance = 0.6 * max(1.0, np.sqrt(width * height / 307_200))
+    np.testing.assert_allclose(found.box_px, np.array(box) - 0.5, atol=tolerance)
+    rows, columns = np.nonzero(result.instance_map())
+    extent = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    np.testing.assert_allclose(extent, box, atol=tolerance + 0.5)
+    middle = (columns.mean(), rows.mean())
+    expected = ((box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2)
+    np.testing.assert_allclose(middle, expected, atol=0.3 * max(1, tolerance))
+
+
+def test_a_button_at_the_border_is_marked() -> None:
+    (found,) = _run(_photo([(0, 100, 30, 140)]))
+    assert found.truncated
+    assert found.box_px[0] == -0.5
+
+
+def test_small_buttons_of_a_large_photo_are_looked_at_again() -> None:
+    photo = _photo([(2000 + 90 * k, 1500, 2050 + 90 * k, 1550) for k in range(8)], 3000, 4000)
+    engine = Oracle()
+    found = segment(photo, engine=engine)  # type: ignore[arg-type]
+    assert len(engine.shapes) > 1
+    assert len(found) == 8
+    once = Oracle()
+    segment(photo, engine=once, second_look=False)  # type: ignore[arg-type]
+    assert len(once.shapes) == 1
+    boxes = sorted(s.box_px for s in found)
+    np.testing.assert_allclose(boxes[0], (1999.5, 1499.5, 2049.5, 1549.5), atol=1.5)
+
+
+def test_what_is_not_sure_enough_is_left_out() -> None:
+    photo = _photo([(100, 50, 140, 90)])
+    assert len(_run(photo, min_confidence=0.89)) == 1
+    assert len(_run(photo, min_confidence=0.91)) == 0
+    with pytest.raises(InputError, match="min_confidence"):
+        _run(photo, min_confidence=1.5)
+
+
+def test_nothing_is_an_answer() -> None:
+    found = _run(_photo([]))
+    assert len(found) == 0
+    assert not found.instance_map().any()
+    assert found.timing_ms["total"] > 0
+
+
+def test_masks_of_touching_boxes_do_not_overlap() -> None:
+    photo = _photo([(100, 50, 140, 90)])
+    photo[50:90, 140:142] = 120  # joined by a bridge that is not bright enough to be one piece
+    photo[50:90, 142:182] = 255
+    found = _run(photo)
+    assert len(found) == 2
+    whole = sum(int(s.mask.sum()) for s in found)
+    assert whole == int((found.instance_map() > 0).sum())
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(st.integers(40, 700), st.integers(40, 700), st.integers(0, 2**31))
+def test_every_result_lies_in_the_photo(height: int, width: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    photo = (rng.random((height, width, 3)) > 0.995).astype(np.uint8) * 255
+    for found in _run(photo):
+        x, y = found.origin_px
+        rows, columns = found.mask.shape
+        assert x >= 0
+        assert y >= 0
+        assert x + columns <= width
+        assert y + rows <= height
+        assert found.mask.any()
+
+
+def test_masks_of_others_become_segments() -> None:
+    masks = np.zeros((2, 30, 40), bool)
+    masks[0, 5:10, 4:12] = True
+    masks[1, 20:30, 30:40] = True
+    found = Segments.from_masks(masks, ["up", "plate"])
+    assert [s.category for s in found] == ["up", "plate"]
+    assert found.segments[0].box_px == (3.5, 4.5, 11.5, 9.5)
+    assert found.segments[1].truncated
+    assert (found.buttons, found.plates) == (found.segments[:1], found.segments[1:])
+    np.testing.assert_array_equal(found.instance_map(), masks[0] * 1 + masks[1] * 2)
+    assert set(np.unique(found.category_map())) == {0, 1, 10}
+
+
+@pytest.mark.parametrize(
+    ("masks", "categories", "thing"),
+    [
+        (np.zeros((3, 4), bool), None, "masks"),
+        (np.zeros((1, 3, 4), bool), None, r"masks\[0\]"),
+        (np.full((1, 3, 4), 2.0), None, r"masks\[0\]"),
+        (np.ones((1, 3, 4), np.int64), None, "masks"),
+        (np.ones((2, 3, 4), bool), ["up"], "categories"),
+        (np.ones((1, 3, 4), bool), ["lift"], "category"),
+    ],
+)
+def test_wrong_masks_are_refused(masks: object, categories: list[str] | None, thing: str) -> None:
+    with pytest.raises(InputError, match=thing):
+        Segments.from_masks(masks, categories)  # type: ignore[arg-type]
+
+
+def test_a_segment_keeps_its_own_copy() -> None:
+    probability = np.ones((3, 4), np.float32)
+    found = Segment("up", 0.9, (0.0, 0.0, 1.0, 1.0), (0, 0), probability)
+    probability[:] = 0
+    assert found.mask.all()
+    with pytest.raises(ValueError, match="read-only"):
+        found.probability[0, 0] = 0
