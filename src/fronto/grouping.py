@@ -7,6 +7,7 @@ each cell joins the peak that the box it votes for (its four sides) fits best.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -59,10 +60,10 @@ def _peaks(
     return rows[order], columns[order]
 
 
-def _boxes(sides: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+def _boxes(sides: FloatArray, x: npt.NDArray[Any], y: npt.NDArray[Any]) -> FloatArray:
     """Sides (4, n) around points to boxes (n, 4)."""
     left, top, right, bottom = sides
-    return np.stack([x - left, y - top, x + right, y + bottom], axis=1)
+    return np.stack([x - left, y - top, x + right, y + bottom], axis=1).astype(np.float64)
 
 
 def overlaps(box: FloatArray, boxes: FloatArray) -> FloatArray:

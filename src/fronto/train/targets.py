@@ -23,8 +23,8 @@ SURE = 0.92
 PEAK, MIN_PEAK = 0.10, 0.7
 #: Cells up to this far from the centre (in half box sides) learn the box's sides.
 INNER = 0.75
-#: Nine tenths of all objects; a cell of another kind counts twice.
-FREQUENT = ("number", PLATE, "unknown")
+#: Most of all objects; a cell of another kind counts twice.
+FREQUENT = ("number", "unknown")
 #: Fixed-point bits of OpenCV's drawing.
 SHIFT = 6
 #: OpenCV fills every pixel that a polygon touches, half a pixel too much all around: outlines
