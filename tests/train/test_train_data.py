@@ -114,6 +114,23 @@ def test_photos(tmp_path: Path) -> None:
     assert np.array_equal(second.polygon, triangle)
 
 
+def test_photos_with_plates_are_drawn_more_often(tmp_path: Path) -> None:
+    labeled = []
+    for k in range(10):
+        path = tmp_path / f"{k}.png"
+        Image.fromarray(np.full((40, 40, 3), k, np.uint8)).save(path)
+        category = "plate" if k == 7 else "number"
+        box = LabeledObject(category, (5, 5, 20, 20), None, "1")
+        labeled.append(LabeledImage(path, 40, 40, (box,)))
+    rng = np.random.default_rng(0)
+    drawn_7 = [
+        np.mean([source.draw(rng).image[0, 0, 0] == 7 for _ in range(200)])
+        for source in (Photos(labeled, plates=0.0), Photos(labeled, plates=0.5))
+    ]
+    assert drawn_7[0] == pytest.approx(0.1, abs=0.06)
+    assert drawn_7[1] == pytest.approx(0.55, abs=0.1)
+
+
 def test_sixteen_bit_photos_keep_their_looks(tmp_path: Path) -> None:
     path = tmp_path / "deep.png"
     Image.fromarray(np.full((60, 80), 40_000, np.uint16)).save(path)

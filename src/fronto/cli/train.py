@@ -124,7 +124,7 @@ def _sources(photos: Sequence[LabeledImage], options: TrainOptions) -> list[tupl
     if options.renders > 0:
         sources.append((Renders(options.reuse), options.renders))
     if options.renders < 1:
-        sources.append((Photos(photos, options.pixels), 1 - options.renders))
+        sources.append((Photos(photos, options.pixels, options.plates), 1 - options.renders))
     return sources
 
 

@@ -17,6 +17,7 @@ import torch
 from torch import nn
 from torch.utils.data import DataLoader, IterableDataset
 
+from fronto.categories import PLATE
 from fronto.datasets.records import LabeledImage
 from fronto.shapes import FloatArray
 from fronto.train.losses import Batch
@@ -50,17 +51,26 @@ class Photos:
         The photos.
     pixels
         Photos are scaled to this many pixels, as they are for inference.
+    plates
+        Share of the draws that are from photos with plates, where there are any: they are
+        rare, and to take one for a button is the worst mistake.
     """
 
-    def __init__(self, images: Sequence[LabeledImage], pixels: int = 640 * 480) -> None:
+    def __init__(
+        self, images: Sequence[LabeledImage], pixels: int = 640 * 480, plates: float = 0.2
+    ) -> None:
         self.images = tuple(images)
         self.pixels = pixels
+        self.plates = plates
+        self.plated = tuple(i for i in images if any(o.category == PLATE for o in i.objects))
 
     def draw(self, rng: np.random.Generator) -> Sample:
         """Read one of the photos."""
         from fronto.images import as_rgb
 
-        labeled = self.images[int(rng.integers(len(self.images)))]
+        plated = self.plated and rng.random() < self.plates
+        images = self.plated if plated else self.images
+        labeled = images[int(rng.integers(len(images)))]
         objects = tuple(
             Target(
                 o.category,

@@ -49,6 +49,8 @@ class TrainOptions:
         How often each render is used, with other cuts and disturbances, on average.
     pixels
         Photos are scaled to this many pixels, as for inference.
+    plates
+        Share of the photos drawn that have plates, where there are any, 0 to 1.
     fit
         Steps, learning rate, ...
     network
@@ -64,12 +66,14 @@ class TrainOptions:
     renders: float = 0.4
     reuse: int = 4
     pixels: int = 640 * 480
+    plates: float = 0.2
     fit: FitOptions = field(default_factory=FitOptions)
     network: NetworkOptions | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.renders <= 1:
-            raise InputError("renders", f"expected a share from 0 to 1, got {self.renders:g}")
+        for name, share in (("renders", self.renders), ("plates", self.plates)):
+            if not 0 <= share <= 1:
+                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
         for name, value, least in (("reuse", self.reuse, 1), ("pixels", self.pixels, 4096)):
             if value < least:
                 raise InputError(name, f"expected {least} or more, got {value}")
