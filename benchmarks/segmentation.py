@@ -21,13 +21,13 @@ import numpy as np
 
 from fronto.datasets.annotated import read_annotated
 from fronto.datasets.panels import read_panels
-from fronto.datasets.records import LabeledImage, LabeledObject, polygon_box
+from fronto.datasets.records import LabeledImage
+from fronto.datasets.renders import labeled_render
 from fronto.engine import Engine, find_weights
 from fronto.evaluate import SegmentationReport, evaluate_segmentation, panels_missing
 from fronto.files import json_bytes
 from fronto.segmentation import segment
 from fronto.segments import Segments
-from fronto.synth.photo import PanelPhoto
 from network import MEGABYTE, measured, renders
 from report import describe_machine, markdown_table, write_between
 
@@ -80,28 +80,12 @@ def evaluated(
     )
 
 
-def labeled_render(photo: PanelPhoto, number: int) -> LabeledImage:
-    objects = tuple(
-        LabeledObject(
-            o.category,
-            polygon_box(o.polygon_px),
-            o.polygon_px,
-            o.category,
-            truncated=o.outline.truncated,
-        )
-        for o in photo.objects
-    )
-    return LabeledImage(
-        Path(f"render/{number}"), photo.camera.width_px, photo.camera.height_px, objects
-    )
-
-
 def evaluated_renders(count: int, engine: Engine) -> SegmentationReport:
     shown: dict[Path, np.ndarray] = {}
 
     def labeled() -> Iterator[LabeledImage]:
         for k, photo in enumerate(renders(count)):
-            image = labeled_render(photo, k)
+            image = labeled_render(photo, Path(f"render/{k}"))
             shown.clear()
             shown[image.path] = photo.image
             yield image

@@ -1,7 +1,7 @@
 """From the network's maps to instances: one box, class and mask per button.
 
-Peaks of the centres start the instances, as in Panoptic-DeepLab (Cheng et al., CVPR 2020);
-each cell joins the peak that the box it votes for (its four sides) fits best.
+Each peak of the centres is an instance, as in Panoptic-DeepLab (Cheng et al., CVPR 2020); its
+box and class are those that the cells around its middle tell.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ from fronto.shapes import FloatArray
 
 __all__ = ["Instance", "group", "overlaps"]
 
-#: A centre's probability from which on it starts an instance; the same for its masks' mean.
-CENTER, PLATE_CENTER = 0.30, 0.30
+#: Least probability of a centre that is looked at: weaker ones are nearly all false.
+LEAST_CENTER = 0.30
 #: Two peaks whose boxes overlap this much (intersection over union) are one.
 SAME = 0.5
-#: A cell votes for a peak if that lies this close to its own idea of the centre, in half sides.
-REACH = 1.1
 #: Most instances of one picture: more than any panel has.
 MAX_INSTANCES = 400
 
@@ -49,13 +47,13 @@ class Instance:
 
 
 def _peaks(
-    centers: npt.NDArray[np.float32], threshold: float
+    centers: npt.NDArray[np.float32],
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows and columns of local maxima, highest first."""
+    """Rows and columns of local maxima of one map (h, w), highest first."""
     import cv2
 
     highest = cv2.dilate(centers, np.ones((3, 3), np.uint8))
-    rows, columns = np.nonzero((centers >= highest) & (centers > threshold))
+    rows, columns = np.nonzero((centers >= highest) & (centers > LEAST_CENTER))
     order = np.argsort(-centers[rows, columns], kind="stable")[:MAX_INSTANCES]
     return rows[order], columns[order]
 
@@ -67,7 +65,7 @@ def _boxes(sides: FloatArray, x: npt.NDArray[Any], y: npt.NDArray[Any]) -> Float
 
 
 def overlaps(box: FloatArray, boxes: FloatArray) -> FloatArray:
-    """Intersection over union of one box with several."""
+    """Intersection over union of one box (4,) with several (n, 4): x0, y0, x1, y1 each."""
     low = np.maximum(box[:2], boxes[:, :2])
     high = np.minimum(box[2:], boxes[:, 2:])
     shared = np.clip(high - low, 0, None).prod(axis=1)
@@ -98,8 +96,8 @@ def group(
     """
     found: list[Instance] = []
     offset = (stride - 1) / 2
-    for plane, threshold in ((0, CENTER), (1, PLATE_CENTER)):
-        rows, columns = _peaks(centers[plane], threshold)
+    for plane in (0, 1):
+        rows, columns = _peaks(centers[plane])
         if len(rows) == 0:
             continue
         x, y = columns * stride + offset, rows * stride + offset

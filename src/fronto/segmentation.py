@@ -63,7 +63,7 @@ def segment(
     engine
         Weights and threads; None: `default_engine`.
     min_confidence
-        What is less sure than this is left out.
+        What is less sure than this, 0 to 1, is left out; below 0.3 it leaves out no less.
     second_look
         Whether small buttons are looked at again.
     order

@@ -14,7 +14,6 @@ from fronto.cli.shared import FILE, counted, say
 
 if TYPE_CHECKING:
     from fronto.datasets.records import LabeledImage
-    from fronto.synth.photo import PanelPhoto
 
 __all__ = ["command"]
 
@@ -60,6 +59,7 @@ def _rendered(
     import numpy as np
 
     from fronto.categories import PLATE
+    from fronto.datasets.renders import labeled_render
     from fronto.imageio import write_png
     from fronto.synth.photo import render_photo
 
@@ -70,22 +70,5 @@ def _rendered(
         plates = sum(o.category == PLATE for o in photo.objects)
         counts[0] += len(photo.objects) - plates
         counts[1] += plates
-        yield _labeled(photo, path)
+        yield labeled_render(photo, path)
         path.unlink()
-
-
-def _labeled(photo: PanelPhoto, path: Path) -> LabeledImage:
-    from fronto.datasets.records import LabeledImage, LabeledObject, polygon_box
-
-    objects = tuple(
-        LabeledObject(
-            o.category,
-            polygon_box(o.polygon_px),
-            o.polygon_px,
-            o.category,
-            text=o.text,
-            truncated=o.outline.truncated,
-        )
-        for o in photo.objects
-    )
-    return LabeledImage(path, photo.image.shape[1], photo.image.shape[0], objects)

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fronto.datasets.records import Box, LabeledImage, LabeledObject
+from fronto.grouping import overlaps
 from fronto.segments import Segment, Segments
 from fronto.shapes import FloatArray
 
@@ -49,31 +50,22 @@ def refine(
 
 def _refined(image: LabeledImage, segments: Segments) -> LabeledImage:
     objects = [_with_outline(o, segments) if o.polygon is None else o for o in image.objects]
-    boxes = [o.box for o in image.objects]
+    boxes = np.array([o.box for o in image.objects]).reshape(-1, 4)
     objects += [
         LabeledObject(s.category, s.box_px, None, "unlabelled", ignore=True)
         for s in segments.buttons
-        if s.confidence >= SURE and all(overlap(s.box_px, box) < KNOWN for box in boxes)
+        if s.confidence >= SURE and (overlaps(np.array(s.box_px), boxes) < KNOWN).all()
     ]
     return replace(image, objects=tuple(objects))
 
 
-def overlap(a: Box, b: Box) -> float:
-    """Intersection over union of two boxes."""
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    if width <= 0 or height <= 0:
-        return 0.0
-    shared = width * height
-    areas = sum((c[2] - c[0]) * (c[3] - c[1]) for c in (a, b))
-    return shared / (areas - shared)
-
-
 def _with_outline(labeled: LabeledObject, segments: Segments) -> LabeledObject:
-    best = max(segments, key=lambda s: overlap(s.box_px, labeled.box), default=None)
-    if best is None or overlap(best.box_px, labeled.box) < BOX_OVERLAP:
+    if not len(segments):
         return labeled
-    outline = _outline(best, labeled.box)
+    found = overlaps(np.array(labeled.box), np.array([s.box_px for s in segments]))
+    if found.max() < BOX_OVERLAP:
+        return labeled
+    outline = _outline(segments.segments[int(found.argmax())], labeled.box)
     return labeled if outline is None else replace(labeled, polygon=outline)
 
 
@@ -81,7 +73,7 @@ def _outline(segment: Segment, box: Box) -> FloatArray | None:
     """The mask's hull, scaled to the box; None where the mask is no plausible button."""
     import cv2
 
-    # Doubled: pixel masks of small buttons are coarse, their probabilities are not.
+    # Four times as large: pixel masks of small buttons are coarse, their probabilities are not.
     height, width = segment.probability.shape
     fine = cv2.resize(segment.probability, (4 * width, 4 * height), interpolation=cv2.INTER_LINEAR)
     contours, _ = cv2.findContours(
@@ -99,6 +91,7 @@ def _outline(segment: Segment, box: Box) -> FloatArray | None:
         return None
     ends = np.array(box).reshape(2, 2)
     found = np.stack([low, high]) / 4 + np.array(segment.origin_px) - 0.375
-    if overlap((*found[0], *found[1]), box) < BOX_OVERLAP:
+    if overlaps(ends.ravel(), found.reshape(1, 4))[0] < BOX_OVERLAP:
         return None
-    return np.asarray(ends[0] + (hull - low) / (high - low) * (ends[1] - ends[0]))
+    corner, size = hull.min(axis=0), np.ptp(hull, axis=0)
+    return np.asarray(ends[0] + (hull - corner) / size * (ends[1] - ends[0]))
