@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -194,3 +195,11 @@ def test_sources_are_drawn_by_their_shares() -> None:
     often, never = Grey(), Grey()
     next(iter(batches([(often, 2.0), (never, 0.0)], batch=6, size=64, seed=0, workers=0)))
     assert (often.count, never.count) == (6, 0)
+
+
+def test_a_worker_after_opencv_has_run_in_threads() -> None:
+    """A forked worker would inherit OpenCV's pool of threads without the threads, and wait."""
+    large = np.zeros((600, 800, 3), np.uint8)
+    cv2.GaussianBlur(cv2.resize(large, None, fx=2, fy=2), (0, 0), 3)
+    loader = iter(batches([(Renders(), 1.0)], batch=1, size=64, seed=3, workers=1))
+    assert next(loader).image.shape == (1, 3, 64, 64)

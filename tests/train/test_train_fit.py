@@ -142,3 +142,17 @@ def test_a_checkpoint_of_something_else(tmp_path: Path) -> None:
     torch.save({"weights": torch.zeros(3)}, tmp_path / "other.pt")
     with pytest.raises(InputError, match=r"other\.pt"):
         load_checkpoint(tmp_path / "other.pt")
+
+
+def test_frozen_parts_stay_as_they_are(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    network = Network(SMALL)
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    trained = fit(network, SOURCES, tmp_path, replace(OPTIONS, frozen=3, rate=1e-2), progress=False)
+    changed = {
+        name for name, value in trained.state_dict().items() if not torch.equal(value, before[name])
+    }
+    frozen = ("backbone.stem.", *(f"backbone.blocks.{k}." for k in range(3)))
+    assert not any(name.startswith(frozen) for name in changed)
+    assert any(name.startswith("backbone.blocks.3.") for name in changed)
+    assert "classes.weight" in changed

@@ -53,6 +53,8 @@ def test_what_is_left_out_is_the_default(tmp_path: Path) -> None:
         ("[network]\nrates = [6, 12, 0]", "network.rates"),
         ("[network]\noutput_stride = 32", "network.output_stride"),
         ("[network]\nchannels = 1", "network.channels"),
+        ("[network]\nblocks = 18", "network.blocks"),
+        ("[fit]\nfrozen = -1", "fit.frozen"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, field: str) -> None:

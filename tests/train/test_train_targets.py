@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("torch")
 
 from fronto.categories import CATEGORIES
-from fronto.train.targets import IGNORE, SOME_BUTTON, Target, draw_targets
+from fronto.train.targets import IGNORE, OBJECT, RARE, SOME_BUTTON, Target, draw_targets
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> np.ndarray:
@@ -53,7 +53,7 @@ def test_an_exact_square() -> None:
     assert np.allclose(t.inside, inside)
     assert t.sides[:, 4, 4] == pytest.approx([9.6, 9.6, 9.6, 9.6], abs=1e-4)
     assert t.sides[:, 3, 5] == pytest.approx([13.6, 5.6, 5.6, 13.6], abs=1e-4)
-    assert t.weights[4, 4] == pytest.approx(8 / 3)
+    assert t.weights[4, 4] == pytest.approx(OBJECT * 8 / 3)
     assert t.weights[8, 8] == 1
 
 
@@ -72,7 +72,9 @@ def test_sides_give_the_box_back_from_every_cell() -> None:
 def test_rare_kinds_count_twice() -> None:
     common = draw_targets([Target("number", SQUARE, exact=True)], 64, 48)
     rare = draw_targets([Target("alarm", SQUARE, exact=True)], 64, 48)
-    assert np.allclose(rare.weights[common.inside > 0], 2 * common.weights[common.inside > 0])
+    at = common.inside > 0
+    assert RARE > OBJECT > 1
+    assert np.allclose(rare.weights[at] / RARE, common.weights[at] / OBJECT)
 
 
 def test_a_mere_box_leaves_its_corners_open() -> None:
@@ -152,3 +154,22 @@ def test_neighbours_keep_their_own_centres() -> None:
     assert t.inside.sum() == pytest.approx(2)
     cells = {tuple(cell) for cell in np.argwhere(t.centers[0] == 1)}
     assert cells == {(4, 2), (4, 5)}
+
+
+def test_what_is_known_to_be_round_or_rectangular_leaves_less_open() -> None:
+    unknown, round_one, square = (
+        draw_targets([Target("number", box(8, 8, 48, 48), exact=False, form=form)], 64, 64).masks
+        for form in ("", "round", "square")
+    )
+    corner, diagonal = (10, 10), (16, 16)  # 0.90 and 0.60 of the way from middle to corner
+    assert unknown[corner] == square[corner] == IGNORE
+    assert round_one[corner] == 0
+    assert square[13, 13] == 1
+    assert unknown[13, 13] == IGNORE
+    assert unknown[diagonal] == round_one[diagonal] == square[diagonal] == 1
+    share = [(m == IGNORE).mean() for m in (unknown, round_one, square)]
+    assert share[1] < share[0]
+    assert share[2] < share[0]
+    # The inscribed circle has radius 20: 19 is button, 21.5 is not.
+    assert round_one[28, 28 + 19] == 1
+    assert (round_one[28, 28 + 22], unknown[28, 28 + 19]) == (0, IGNORE)

@@ -76,11 +76,12 @@ def command(
     goes on where that stopped.
     """
     require(TRAIN_MODULES, "train", "fronto train")
+    from fronto.datasets.forms import with_forms
     from fronto.train.fit import fit
     from fronto.train.validate import validation
 
     options = _options(file, renders, fit_flags, only_renders=not data)
-    photos = [image for path in data for image in labeled_images(path, split, "train")]
+    photos = with_forms(image for path in data for image in labeled_images(path, split, "train"))
     held_out = [] if val is None else labeled_images(val, None, "val")
     network = _network(run, start, options)
     if not quiet:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy.typing as npt
 
@@ -17,10 +18,13 @@ from fronto.categories import CATEGORIES
 from fronto.errors import InputError
 from fronto.shapes import FloatArray, frozen_array
 
-__all__ = ["UNKNOWN", "Box", "LabeledImage", "LabeledObject", "polygon_box"]
+__all__ = ["UNKNOWN", "Box", "Form", "LabeledImage", "LabeledObject", "polygon_box"]
 
 #: Edges x0, y0, x1, y1 in pixels.
 Box = tuple[float, float, float, float]
+
+#: What an object looks like whose outline is not known.
+Form = Literal["round", "square", ""]
 
 #: Category of what is some button, but nobody said which.
 UNKNOWN = "unknown"
@@ -49,6 +53,9 @@ class LabeledObject:
         Unsure or a crowd: finding it is neither right nor wrong.
     truncated
         Part of it lies outside the photo.
+    form
+        Of one whose outline is not known: whether it is round or rectangular, "" where that
+        is not known either.
 
     Raises
     ------
@@ -63,6 +70,7 @@ class LabeledObject:
     text: str = ""
     ignore: bool = False
     truncated: bool = False
+    form: Form = ""
 
     def __post_init__(self) -> None:
         if self.category not in LABELS:

@@ -77,6 +77,7 @@ class Photos:
                 _corners(o.box) if o.polygon is None else o.polygon,
                 o.polygon is not None,
                 o.ignore,
+                o.form,
             )
             for o in labeled.objects
         )
@@ -273,4 +274,6 @@ def batches(
         batch_size=None,
         num_workers=workers,
         prefetch_factor=4 if workers else None,
+        # Forked while OpenCV's threads run, a worker would wait for them for ever.
+        multiprocessing_context="spawn" if workers else None,
     )

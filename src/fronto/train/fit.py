@@ -44,6 +44,9 @@ class FitOptions:
     average
         Share that is kept of the averaged weights at each step; the average is what is
         evaluated and exported.
+    frozen
+        Blocks at the backbone's beginning (its stem, too, where not 0) that stay as they are:
+        they cost the most time, and tell edges and colours everywhere alike.
     seed
         Of the order of pictures and their disturbances.
     workers
@@ -59,6 +62,7 @@ class FitOptions:
     decay: float = 0.01
     warmup: int = 200
     average: float = 0.998
+    frozen: int = 0
     seed: int = 0
     workers: int = 1
     save_every: int = 200
@@ -103,6 +107,7 @@ def fit(
     run.mkdir(parents=True, exist_ok=True)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    kept = _freeze(network, options.frozen)
     averaged = torch.optim.swa_utils.AveragedModel(
         network,
         multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(options.average),
@@ -127,6 +132,8 @@ def fit(
     )
     with _Metrics(run) as metrics:
         network.train()
+        for part in kept:
+            part.eval()  # normalises as it did
         started = time.monotonic()
         for step, batch in _numbered(loader, first, options.steps, progress):
             for group in optimizer.param_groups:
@@ -179,10 +186,19 @@ def _module_state(averaged: dict[str, Tensor]) -> dict[str, Tensor]:
     return {k.removeprefix("module."): v for k, v in averaged.items() if k.startswith("module.")}
 
 
+def _freeze(network: Network, blocks: int) -> list[nn.Module]:
+    """Give the parts at the backbone's beginning that are not trained."""
+    kept = [network.backbone.stem, *network.backbone.blocks[:blocks]] if blocks else []
+    for part in kept:
+        part.requires_grad_(False)
+    return kept
+
+
 def _groups(network: nn.Module, decay: float) -> list[dict[str, Any]]:
     """No weight decay for biases and normalisation."""
-    matrices = [p for p in network.parameters() if p.ndim > 1]
-    others = [p for p in network.parameters() if p.ndim <= 1]
+    trained = [p for p in network.parameters() if p.requires_grad]
+    matrices = [p for p in trained if p.ndim > 1]
+    others = [p for p in trained if p.ndim <= 1]
     return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
 
 

@@ -55,6 +55,8 @@ class NetworkOptions:
         Whether the pyramid's and the decoder's 3x3 convolutions are depthwise separable.
     rates
         Dilation of the pyramid's three atrous convolutions, at output stride 16.
+    blocks
+        MobileNetV2's inverted residuals that are used, 14 to 17.
     """
 
     channels: int = 128
@@ -62,6 +64,7 @@ class NetworkOptions:
     output_stride: int = 16
     separable: bool = True
     rates: tuple[int, int, int] = (6, 12, 18)
+    blocks: int = 17
 
 
 class Maps(NamedTuple):
@@ -145,7 +148,7 @@ class _InvertedResidual(nn.Module):
 class _Backbone(nn.Module):
     """MobileNetV2 without its classifier; its features at strides 4, 8 and at the end."""
 
-    def __init__(self, output_stride: int) -> None:
+    def __init__(self, output_stride: int, count: int) -> None:
         super().__init__()
         self.stem = _conv(3, 32, stride=2)
         blocks: list[nn.Module] = []
@@ -157,7 +160,7 @@ class _Backbone(nn.Module):
                 next_dilation, step = dilation * step, 1
             else:
                 stride, next_dilation = stride * step, dilation
-            for k in range(repeats):
+            for k in range(min(repeats, count - len(blocks))):
                 blocks.append(
                     _InvertedResidual(
                         inputs,
@@ -171,6 +174,7 @@ class _Backbone(nn.Module):
             dilation = next_dilation
             self.taps[outputs] = len(blocks) - 1
         self.blocks = nn.ModuleList(blocks)
+        self.channels = inputs
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         x = self.stem(x)
@@ -230,8 +234,8 @@ class Network(nn.Module):
         super().__init__()
         self.options = options = options or NetworkOptions()
         width = options.decoder
-        self.backbone = _Backbone(options.output_stride)
-        self.pyramid = _AtrousPyramid(BLOCKS[-1][1], options)
+        self.backbone = _Backbone(options.output_stride, options.blocks)
+        self.pyramid = _AtrousPyramid(self.backbone.channels, options)
         self.low = _conv(24, 24, 1)
         self.middle = _conv(32, 24, 1)
         self.decoder = nn.Sequential(

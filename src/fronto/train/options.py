@@ -32,7 +32,16 @@ __all__ = ["TrainOptions", "read_options"]
 
 MAX_BYTES = 100_000
 #: Least values of whole numbers in "fit".
-LEAST = {"steps": 1, "batch": 1, "size": 64, "warmup": 0, "seed": 0, "workers": 0, "save_every": 1}
+LEAST = {
+    "steps": 1,
+    "batch": 1,
+    "size": 64,
+    "warmup": 0,
+    "frozen": 0,
+    "seed": 0,
+    "workers": 0,
+    "save_every": 1,
+}
 #: The network halves its input four times.
 MULTIPLE = 16
 
@@ -144,5 +153,7 @@ def _check_network(network: NetworkOptions) -> None:
             raise InputError(f"network.{name}", f"expected 2 or more, got {value}")
     if network.output_stride not in (8, 16):
         raise InputError("network.output_stride", f"expected 8 or 16, got {network.output_stride}")
+    if not 14 <= network.blocks <= 17:
+        raise InputError("network.blocks", f"expected 14 to 17, got {network.blocks}")
     if min(network.rates) < 1:
         raise InputError("network.rates", f"expected 1 or more each, got {min(network.rates)}")

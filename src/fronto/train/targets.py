@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.categories import CATEGORIES, PLATE
+from fronto.datasets.records import Form
 from fronto.shapes import FloatArray
 from fronto.train.network import STRIDE
 
@@ -19,12 +20,20 @@ __all__ = ["IGNORE", "SOME_BUTTON", "Target", "Targets", "draw_targets"]
 IGNORE, SOME_BUTTON = 255, 254
 #: Of a button known by its box only: this share of the inscribed ellipse is surely button.
 SURE = 0.92
+#: Of one known to be round: what lies between these shares is left open. Of a rectangular one:
+#: this share of a rectangle with round corners is surely button.
+ROUND, SQUARE = (0.96, 1.05), 0.92
+#: Exponent of the superellipse that stands for that rectangle.
+CORNERS = 6.0
 #: Standard deviation of a centre's peak in box sides, and its least in cells.
 PEAK, MIN_PEAK = 0.10, 0.7
 #: Cells up to this far from the centre (in half box sides) learn the box's sides.
 INNER = 0.75
-#: Most of all objects; a cell of another kind counts twice.
+#: Most of all objects.
 FREQUENT = ("number", "unknown")
+#: A cell of such an object, or of another kind, counts this much: most of all cells are
+#: background, and they alone would be learnt.
+OBJECT, RARE = 2.5, 5.0
 #: Fixed-point bits of OpenCV's drawing.
 SHIFT = 6
 #: OpenCV fills every pixel that a polygon touches, half a pixel too much all around: outlines
@@ -52,12 +61,15 @@ class Target:
         it and the box around it is left open.
     ignore
         Neither right nor wrong, whatever is found here.
+    form
+        Of one whose outline is not exact: whether it is round or rectangular, if known.
     """
 
     category: str
     polygon: FloatArray
     exact: bool
     ignore: bool = False
+    form: Form = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +107,28 @@ def _fill(fine: npt.NDArray[np.uint8], polygon: FloatArray, value: int) -> None:
     cv2.fillPoly(fine, [np.rint(at * 2**SHIFT).astype(np.int32)], value, shift=SHIFT)
 
 
-def _inscribed(polygon: FloatArray, scale: float) -> FloatArray:
-    """The ellipse that touches a parallelogram's sides in their middles, scaled."""
+def _inscribed(polygon: FloatArray, scale: float, power: float = 2.0) -> FloatArray:
+    """The (super)ellipse that touches a parallelogram's sides in their middles, scaled."""
     center = polygon.mean(axis=0)
     u = 0.25 * (polygon[1] + polygon[2] - polygon[0] - polygon[3])
     v = 0.25 * (polygon[2] + polygon[3] - polygon[0] - polygon[1])
     t = np.linspace(0, 2 * np.pi, 48, endpoint=False)[:, None]
-    return np.asarray(center + scale * (np.cos(t) * u + np.sin(t) * v))
+    cos, sin = (np.sign(w) * np.abs(w) ** (2 / power) for w in (np.cos(t), np.sin(t)))
+    return np.asarray(center + scale * (cos * u + sin * v))
+
+
+def _open(o: Target) -> FloatArray:
+    """Within this it is left open what belongs to an object that is not exact."""
+    return _inscribed(o.polygon, ROUND[1]) if o.form == "round" else o.polygon
+
+
+def _sure(o: Target) -> FloatArray:
+    """What surely belongs to an object."""
+    if o.exact:
+        return o.polygon
+    if o.form == "round":
+        return _inscribed(o.polygon, ROUND[0])
+    return _inscribed(o.polygon, *((SQUARE, CORNERS) if o.form == "square" else (SURE,)))
 
 
 def draw_targets(objects: Sequence[Target], width: int, height: int) -> Targets:
@@ -122,11 +149,10 @@ def draw_targets(objects: Sequence[Target], width: int, height: int) -> Targets:
     inside = np.zeros((h, w), np.float32)
     for o in objects:
         if o.ignore or not o.exact:
-            _fill(fine, o.polygon, IGNORE)
+            _fill(fine, o.polygon if o.ignore else _open(o), IGNORE)
     for o in (o for o in objects if not o.ignore):
-        sure = o.polygon if o.exact else _inscribed(o.polygon, SURE)
         number = CATEGORIES.index(o.category) if o.category in CATEGORIES else SOME_BUTTON
-        _fill(fine, sure, number)
+        _fill(fine, _sure(o), number)
     classes = fine[FINE // 2 :: FINE, FINE // 2 :: FINE]
     x = np.arange(w) * STRIDE + (STRIDE - 1) / 2
     y = np.arange(h) * STRIDE + (STRIDE - 1) / 2
@@ -163,7 +189,7 @@ def draw_targets(objects: Sequence[Target], width: int, height: int) -> Targets:
             [x[xx] - low[0], y[yy] - low[1], high[0] - x[xx], high[1] - y[yy]], 0.5
         )
         inside[yy, xx] = 1 / len(yy)
-        rarity = 1.0 if o.category in FREQUENT else 2.0
+        rarity = OBJECT if o.category in FREQUENT else RARE
         weights[yy, xx] = rarity * np.clip(np.sqrt(64 / len(yy)), 0.7, 4)
     coarse = np.ascontiguousarray(classes[1::STRIDE, 1::STRIDE])
     return Targets(_MASK_OF[classes], coarse, weights, centers, sides, inside)
