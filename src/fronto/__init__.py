@@ -10,6 +10,7 @@ from fronto.errors import FrontoError, InputError
 if TYPE_CHECKING:
     from fronto.camera import Camera
     from fronto.engine import Engine
+    from fronto.outlines import Outlines, outline
     from fronto.pipeline import rectify_outlines
     from fronto.pose import Template, TemplateButton, estimate_pose
     from fronto.results import Button, Panel, PanelPose, RectifiedView
@@ -27,6 +28,7 @@ __all__ = [
     "InputError",
     "LineSegment",
     "Outline",
+    "Outlines",
     "Panel",
     "PanelPose",
     "RectifiedView",
@@ -40,6 +42,7 @@ __all__ = [
     "map_ellipse",
     "map_points",
     "order_corners",
+    "outline",
     "rectify_outlines",
     "segment",
     "warp_panel",
@@ -50,6 +53,7 @@ __all__ = [
 _HOMES = {
     "fronto.camera": ("Camera",),
     "fronto.engine": ("Engine",),
+    "fronto.outlines": ("Outlines", "outline"),
     "fronto.pipeline": ("rectify_outlines",),
     "fronto.pose": ("Template", "TemplateButton", "estimate_pose"),
     "fronto.results": ("Button", "Panel", "PanelPose", "RectifiedView"),

@@ -157,7 +157,12 @@ class Outline:
     odd
         The pressable part is no rectangle (a pill, say); `corners_px` bound it.
     truncated
-        Part of the button lies outside the photo.
+        Part of the button lies outside the photo, or is hidden.
+    seen
+        Which of a quad's sides are seen: top, right, bottom, left. Corners at other sides
+        are guesses; the pose leans on the seen sides only.
+    shape_confidence
+        Probability that it has this shape and no other, 0 to 1.
     """
 
     shape: Shape
@@ -169,6 +174,8 @@ class Outline:
     text: str = ""
     odd: bool = False
     truncated: bool = False
+    seen: tuple[bool, bool, bool, bool] = (True, True, True, True)
+    shape_confidence: float = 1.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.std_px) and self.std_px > 0):
@@ -194,6 +201,8 @@ class Outline:
         text: str = "",
         odd: bool = False,
         truncated: bool = False,
+        seen: tuple[bool, bool, bool, bool] = (True, True, True, True),
+        shape_confidence: float = 1.0,
     ) -> Outline:
         """A quad from its corners (4, 2): top-left, top-right, bottom-right, bottom-left.
 
@@ -212,6 +221,8 @@ class Outline:
             text=text,
             odd=odd,
             truncated=truncated,
+            seen=seen,
+            shape_confidence=shape_confidence,
         )
 
     @classmethod
@@ -228,6 +239,7 @@ class Outline:
         confidence: float = 1.0,
         text: str = "",
         truncated: bool = False,
+        shape_confidence: float = 1.0,
     ) -> Outline:
         """An ellipse from its centre, semi-axes (a >= b) and the a axis' angle.
 
@@ -244,6 +256,7 @@ class Outline:
             confidence=confidence,
             text=text,
             truncated=truncated,
+            shape_confidence=shape_confidence,
         )
 
     @property

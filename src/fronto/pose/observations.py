@@ -11,13 +11,23 @@ from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.pose.bundle import ELLIPSE, QUAD, TANGENTS, Observations
 from fronto.pose.checks import boxes_px
-from fronto.shapes import FloatArray, LineSegment, Outline
+from fronto.shapes import Axis, FloatArray, LineSegment, Outline
 
 __all__ = ["TOLERANCE", "observations", "undistorted"]
 
 #: How far corners of real buttons are from where equal ones on a grid would have them, in
 #: button sizes: a tenth of a millimetre on 30 mm. Large in the photo, it is what counts.
 TOLERANCE = 0.004
+
+#: How far a corner that is not seen may be from where the outline has it, in button sizes.
+UNSEEN = 0.5
+#: Sides of a quad: from which corner to which, and what they are on the wall.
+_SIDES: tuple[tuple[int, int, Axis], ...] = (
+    (0, 1, "horizontal"),
+    (1, 2, "vertical"),
+    (3, 2, "horizontal"),
+    (0, 3, "vertical"),
+)
 
 _ANOMALY = 2 * np.pi * np.arange(TANGENTS) / TANGENTS
 _CIRCLE = np.stack([np.cos(_ANOMALY), np.sin(_ANOMALY)], axis=1)
@@ -91,7 +101,11 @@ def observations(
     if len(quads):
         corners = np.array([outlines[int(i)].corners_px for i in quads])
         observed[quads, :8] = (corners @ affine.T + shift).reshape(-1, 8)
-        inverse_sd[quads, :4] = (focal / std[quads])[:, None]
+        # A corner is where two sides meet: both must be seen.
+        seen = np.array([outlines[int(i)].seen for i in quads])
+        whole = seen & np.roll(seen, 1, axis=1)
+        sd = np.where(whole, std[quads, None], np.hypot(std, UNSEEN * size)[quads, None])
+        inverse_sd[quads, :4] = focal / sd
 
     ellipses = np.flatnonzero(kind == ELLIPSE)
     if len(ellipses):
@@ -108,9 +122,10 @@ def observations(
 
     middle = affine @ boxes.reshape(-1, 2).mean(axis=0) + shift
     pivot = (float(middle[0]), float(middle[1]))
-    if not lines:
+    sides = _sides(outlines)
+    if not lines and not sides:
         return Observations(kind, observed, inverse_sd, pivot)
-    ends = np.array([line.ends_px for line in lines]).reshape(-1, 2)
+    ends = np.array([line.ends_px for line in lines], np.float64).reshape(-1, 2)
     ends = camera.undistort_points(ends) if camera.distorted else ends
     if not np.isfinite(ends).all():
         k = int(np.flatnonzero(~np.isfinite(ends).all(axis=1))[0]) // 2
@@ -119,7 +134,8 @@ def observations(
             f"expected ends where the lens model {camera.distortion_model} holds",
             "check the camera's distortion coefficients, or leave this line out",
         )
-    ends = ends @ affine.T + shift
+    lines = [*lines, *sides]
+    ends = np.concatenate([ends, *(side.ends_px for side in sides)]) @ affine.T + shift
     axis = [0 if line.axis == "horizontal" else 1 for line in lines]
     line_isd = [focal / line.std_px for line in lines]
     return Observations(
@@ -131,6 +147,24 @@ def observations(
         np.ascontiguousarray(ends.reshape(-1, 4)),
         np.array(line_isd),
     )
+
+
+def _sides(outlines: Sequence[Outline]) -> list[LineSegment]:
+    """Seen sides of quads of which a corner is not: their direction is known still."""
+    found = []
+    for outline in outlines:
+        if outline.corners_px is None or all(outline.seen):
+            continue
+        whole = [outline.seen[k] and outline.seen[k - 1] for k in range(4)]
+        for seen, (start, end, axis) in zip(outline.seen, _SIDES, strict=True):
+            ends = outline.corners_px[[start, end]]
+            if (
+                seen
+                and not (whole[start] and whole[end])
+                and np.linalg.norm(ends[1] - ends[0]) >= 1
+            ):
+                found.append(LineSegment(axis, ends, outline.std_px))
+    return found
 
 
 def _tangents(centers: FloatArray, shapes: FloatArray) -> FloatArray:

@@ -1,0 +1,405 @@
+/* Quads and ellipses through the edge points of masks, one mask after the other.
+ *
+ * Points of mask i are xy[first[i]] .. xy[first[i + 1] - 1], in pixels. Both fits are
+ * iteratively reweighted least squares with Tukey's biweight. */
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include "fronto_kernels.h"
+
+static const double TUKEY = 4.685;
+/* Deviations are taken to be no smaller than this, pixels. */
+static const double FLOOR_PX = 0.1;
+/* Points further from a side than this share of the mask's size belong to no side. */
+static const double FAR = 0.2;
+/* Eighths of a side's central part, to see along how much of it there are points. */
+enum { BINS = 8, ROUNDS = 8, PARAMETERS = 5 };
+/* An ellipse that moves by less, in pixels and as a share of its shape, stands still. */
+static const double STILL = 1e-4;
+
+/* Where the edge between neighbours inside and outside runs: where their values cross one half,
+ * or in the middle where they do not (a closing added one of them). inside, values (rows,
+ * columns); what lies beyond the array is outside. out (2 * (rows + 1) * (columns + 1), 3):
+ * x, y and the step of the values there. Returns the number of points. */
+FRONTO_API int64_t fronto_edge_points(int64_t rows, int64_t columns, const uint8_t *inside,
+                                      const float *values, double *out) {
+    int64_t n = 0;
+    for (int64_t y = 0; y <= rows; y++)
+        for (int64_t x = 0; x <= columns; x++) {
+            const int here = y < rows && x < columns && inside[y * columns + x];
+            const double value = y < rows && x < columns ? values[y * columns + x] : 0.0;
+            for (int down = 0; down < 2; down++) {
+                const int64_t r = y - down, c = x - !down; /* the neighbour before */
+                if (r < 0 && c < 0) continue;
+                const int in = r >= 0 && c >= 0 && r < rows && c < columns;
+                if (here == (in && inside[r * columns + c])) continue;
+                const double before = in ? values[r * columns + c] : 0.0;
+                double share = 0.5;
+                if ((before - 0.5) * (value - 0.5) < 0) share = (0.5 - before) / (value - before);
+                out[3 * n] = down ? (double)x : (double)c + share;
+                out[3 * n + 1] = down ? (double)r + share : (double)y;
+                out[3 * n + 2] = fabs(value - before);
+                n++;
+            }
+        }
+    return n;
+}
+
+/* The k-th smallest of n values, which it reorders (Hoare's quickselect). */
+static double select_kth(double *v, int64_t n, int64_t k) {
+    int64_t low = 0, high = n - 1;
+    while (low < high) {
+        const double pivot = v[k];
+        int64_t i = low, j = high;
+        do {
+            while (v[i] < pivot) i++;
+            while (pivot < v[j]) j--;
+            if (i <= j) {
+                const double t = v[i];
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        } while (i <= j);
+        if (j < k) low = i;
+        if (k < i) high = j;
+    }
+    return v[k];
+}
+
+static double biweight(double distance, double sigma) {
+    const double r = distance / (TUKEY * sigma), s = 1.0 - r * r;
+    return s > 0 ? s * s : 0.0;
+}
+
+/* A parallelogram: points are whitened, which makes it a square, and where its corners are
+ * is told by the fourth harmonic of its outline. */
+static int start_quad(int64_t n, const double *p, double *corner) {
+    double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+    for (int64_t i = 0; i < n; i++) mx += p[2 * i], my += p[2 * i + 1];
+    mx /= n, my /= n;
+    for (int64_t i = 0; i < n; i++) {
+        const double dx = p[2 * i] - mx, dy = p[2 * i + 1] - my;
+        xx += dx * dx, xy += dx * dy, yy += dy * dy;
+    }
+    xx /= n, xy /= n, yy /= n;
+    /* Cholesky: any root of the scatter whitens. */
+    const double a = sqrt(xx), b = xy / a, c2 = yy - b * b;
+    if (!(a > 1e-6) || !(c2 > 1e-9 * yy) || !(yy > 1e-9 * xx)) return 0;
+    const double c = sqrt(c2);
+    double re = 0, im = 0;
+    for (int64_t i = 0; i < n; i++) {
+        const double u = (p[2 * i] - mx) / a, v = (p[2 * i + 1] - my - b * u) / c;
+        /* |z|^4 e^(4 i angle) = z^4: far points, the corners, count most. */
+        const double r2 = u * u - v * v, i2 = 2 * u * v;
+        re += r2 * r2 - i2 * i2, im += 2 * r2 * i2;
+    }
+    const double angle = atan2(im, re) / 4;
+    for (int k = 0; k < 4; k++) {
+        /* The outline of a square of variance 1 has its corners at sqrt(3). */
+        const double u = sqrt(3.0) * cos(angle + k * 1.5707963267948966);
+        const double v = sqrt(3.0) * sin(angle + k * 1.5707963267948966);
+        corner[2 * k] = mx + a * u;
+        corner[2 * k + 1] = my + b * u + c * v;
+    }
+    return 1;
+}
+
+typedef struct {
+    double tx, ty, mx, my, length; /* tangent, middle, length */
+    double w, x, y, xx, xy, yy;    /* weighted sums */
+    double sigma;
+    unsigned bins;
+    double seen;
+} Side;
+
+/* New lines, and corners from them if those are a sound quad. */
+static void move_sides(Side *side, double *corner, double *line, double *rms, double size) {
+    double moved[8];
+    for (int k = 0; k < 4; k++) {
+        Side *s = side + k;
+        double *l = line + 3 * k;
+        l[0] = s->ty, l[1] = -s->tx, l[2] = s->ty * s->mx - s->tx * s->my;
+        rms[k] = NAN;
+        if (s->seen < 3 || !(s->w > 0)) continue;
+        const double x = s->x / s->w, y = s->y / s->w;
+        const double xx = s->xx / s->w - x * x, xy = s->xy / s->w - x * y, yy = s->yy / s->w - y * y;
+        const double reach = hypot((xx - yy) / 2, xy), most = (xx + yy) / 2 + reach;
+        const double least = (xx + yy) / 2 - reach;
+        /* One pixel's width of points has no direction. */
+        if (!(most > 0.09) || !(most > 4 * least)) continue;
+        const double angle = atan2(2 * xy, xx - yy) / 2;
+        double nx = -sin(angle), ny = cos(angle);
+        if (nx * l[0] + ny * l[1] < 0) nx = -nx, ny = -ny;
+        /* sums are relative to the side's middle */
+        l[0] = nx, l[1] = ny, l[2] = nx * (x + s->mx) + ny * (y + s->my);
+        rms[k] = sqrt(least > 0 ? least : 0.0);
+    }
+    for (int k = 0; k < 4; k++) {
+        const double *p = line + 3 * ((k + 3) % 4), *q = line + 3 * k;
+        const double det = p[0] * q[1] - p[1] * q[0];
+        moved[2 * k] = (p[2] * q[1] - p[1] * q[2]) / det;
+        moved[2 * k + 1] = (p[0] * q[2] - p[2] * q[0]) / det;
+        if (!(hypot(moved[2 * k] - corner[2 * k], moved[2 * k + 1] - corner[2 * k + 1]) < 2 * size))
+            return;
+    }
+    for (int k = 0; k < 4; k++) {
+        const double *a = moved + 2 * k, *b = moved + 2 * ((k + 1) % 4), *c = moved + 2 * ((k + 2) % 4);
+        if (!((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 0)) return;
+    }
+    for (int k = 0; k < 8; k++) corner[k] = moved[k];
+}
+
+/* Each point goes to its nearest side, if it lies along that side's central part. */
+static void sort_points(int64_t n, const double *p, const uint8_t *border, double size,
+                        double central, int first_round, Side *side, const double *corner) {
+    for (int k = 0; k < 4; k++) {
+        const double *a = corner + 2 * k, *b = corner + 2 * ((k + 1) % 4);
+        const double sigma = side[k].sigma;
+        Side s = {0};
+        s.length = hypot(b[0] - a[0], b[1] - a[1]);
+        s.tx = (b[0] - a[0]) / s.length, s.ty = (b[1] - a[1]) / s.length;
+        s.mx = (a[0] + b[0]) / 2, s.my = (a[1] + b[1]) / 2;
+        s.sigma = sigma;
+        side[k] = s;
+    }
+    for (int64_t i = 0; i < n; i++) {
+        int best = -1;
+        double nearest = FAR * size, place = 0;
+        if (border[i]) continue;
+        for (int k = 0; k < 4; k++) {
+            const Side *s = side + k;
+            const double dx = p[2 * i] - s->mx, dy = p[2 * i + 1] - s->my;
+            const double t = (dx * s->tx + dy * s->ty) / s->length, d = dx * s->ty - dy * s->tx;
+            if (fabs(t) <= 0.5 && fabs(d) < nearest) nearest = fabs(d), best = k, place = t;
+        }
+        if (best < 0 || fabs(place) > central / 2) continue;
+        Side *s = side + best;
+        const double w = first_round ? 1.0 : biweight(nearest, s->sigma);
+        const double x = p[2 * i] - s->mx, y = p[2 * i + 1] - s->my;
+        if (w > 0) {
+            int bin = (int)((place / central + 0.5) * BINS);
+            s->bins |= 1u << (bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin);
+            s->seen += 1;
+        }
+        s->w += w, s->x += w * x, s->y += w * y;
+        s->xx += w * x * x, s->xy += w * x * y, s->yy += w * y * y;
+    }
+}
+
+/* corner (n,4,2): in: where to start, or NaN to find that; out: the quads, clockwise as seen,
+ * NaN where there is none. central (n): share of a side on which its line is fitted.
+ * line (n,4,3): normal outwards and offset of the sides; side k runs from corner k to the
+ * next. covered, rms, count (n,4): share of the central part with points, RMS of their
+ * distances (NaN: a side without a line of its own), number. */
+FRONTO_API void fronto_fit_quads(int64_t n, const int64_t *first, const double *xy,
+                                 const uint8_t *border, const double *size,
+                                 const double *central, double *corner, double *line,
+                                 double *covered, double *rms, double *count) {
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t points = first[i + 1] - first[i];
+        const double *p = xy + 2 * first[i];
+        double *c = corner + 8 * i;
+        Side side[4];
+        for (int k = 0; k < 4; k++) covered[4 * i + k] = 0, rms[4 * i + k] = NAN, count[4 * i + k] = 0;
+        for (int k = 0; k < 12; k++) line[12 * i + k] = NAN;
+        if (points < 4 || !(size[i] > 0) || (!(c[0] == c[0]) && !start_quad(points, p, c))) {
+            for (int k = 0; k < 8; k++) c[k] = NAN;
+            continue;
+        }
+        for (int round = 0; round < ROUNDS; round++) {
+            sort_points(points, p, border + first[i], size[i], central[i], round == 0, side, c);
+            move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
+            for (int k = 0; k < 4; k++) {
+                const double r = rms[4 * i + k];
+                double sigma = r == r ? r : FAR * size[i];
+                /* Weights shrink the RMS: what is thrown out must not be ever more. */
+                sigma = round && r == r ? fmax(1.2 * sigma, 0.0) : sigma;
+                side[k].sigma = fmax(sigma, 1.5 * FLOOR_PX);
+            }
+        }
+        for (int k = 0; k < 4; k++) {
+            int hit = 0;
+            for (unsigned b = side[k].bins; b; b >>= 1) hit += (int)(b & 1u);
+            covered[4 * i + k] = (double)hit / BINS;
+            count[4 * i + k] = side[k].seen;
+        }
+    }
+}
+
+/* Robust lines offset = a + b t through the stations of n curves, NaN: none there. offset (n,k),
+ * t (n,k) -> line (n,2), rms (n) of the deviations (infinity without stations), seen (n) share
+ * of the stations that the line passes. k is at most 64. */
+FRONTO_API void fronto_fit_offsets(int64_t n, int64_t k, const double *offset, const double *t,
+                                   double *line, double *rms, double *seen) {
+    double off[64], sorted[64];
+    for (int64_t i = 0; i < n; i++) {
+        const double *v = offset + i * k, *u = t + i * k;
+        double a = 0, b = 0, sigma = INFINITY;
+        line[2 * i] = line[2 * i + 1] = seen[i] = 0, rms[i] = INFINITY;
+        for (int round = 0; round < ROUNDS; round++) {
+            double w0 = 0, ut = 0, vt = 0, uu = 0, uv = 0, sum = 0;
+            int64_t finite = 0, good = 0;
+            for (int64_t j = 0; j < k; j++) {
+                if (!(v[j] == v[j])) continue;
+                const double w = biweight(v[j] - a - b * u[j], sigma);
+                w0 += w, ut += w * u[j], vt += w * v[j];
+            }
+            if (!(w0 > 2)) break;
+            ut /= w0, vt /= w0;
+            for (int64_t j = 0; j < k; j++) {
+                if (!(v[j] == v[j])) continue;
+                const double w = biweight(v[j] - a - b * u[j], sigma);
+                uu += w * (u[j] - ut) * (u[j] - ut), uv += w * (u[j] - ut) * (v[j] - vt);
+            }
+            if (!(uu > 0)) break;
+            b = uv / uu, a = vt - b * ut;
+            for (int64_t j = 0; j < k; j++) {
+                if (!(v[j] == v[j])) continue;
+                off[finite] = fabs(v[j] - a - b * u[j]);
+                sorted[finite] = off[finite], finite++;
+            }
+            sigma = fmax(1.4826 * select_kth(sorted, finite, finite / 2), 0.05);
+            w0 = 0;
+            for (int64_t j = 0; j < finite; j++) {
+                const double w = biweight(off[j], sigma);
+                w0 += w, sum += w * off[j] * off[j], good += w > 0.3;
+            }
+            line[2 * i] = a, line[2 * i + 1] = b;
+            rms[i] = w0 > 0 ? sqrt(sum / w0) : INFINITY;
+            seen[i] = (double)good / (double)k;
+        }
+    }
+}
+
+/* Distance of a point from the ellipse (Sampson's approximation, of q - 1 with
+ * q^2 = (p - c)' M (p - c), which stays nearly linear far away), and its derivatives. */
+static double sampson(const double *s, double x, double y, double *jacobian) {
+    const double dx = x - s[0], dy = y - s[1];
+    const double gx = s[2] * dx + s[3] * dy, gy = s[3] * dx + s[4] * dy;
+    const double q2 = dx * gx + dy * gy, g = hypot(gx, gy);
+    if (!(q2 > 1e-12) || !(g > 1e-12)) {
+        for (int k = 0; k < PARAMETERS; k++) jacobian[k] = 0;
+        return -1e-3;
+    }
+    const double q = sqrt(q2);
+    jacobian[0] = -gx / g, jacobian[1] = -gy / g;
+    jacobian[2] = dx * dx / (2 * g), jacobian[3] = dx * dy / g, jacobian[4] = dy * dy / (2 * g);
+    return (q - 1) * q / g;
+}
+
+/* Inverse of a symmetric positive definite 5x5 matrix, scaled to a unit diagonal first. */
+static int invert(const double *a, double *out) {
+    double L[25] = {0}, d[5], inv[25] = {0};
+    for (int i = 0; i < 5; i++) {
+        if (!(a[6 * i] > 0)) return 0;
+        d[i] = 1 / sqrt(a[6 * i]);
+    }
+    for (int i = 0; i < 5; i++)
+        for (int j = 0; j <= i; j++) {
+            double s = a[5 * i + j] * d[i] * d[j];
+            for (int k = 0; k < j; k++) s -= L[5 * i + k] * L[5 * j + k];
+            if (i == j) {
+                if (!(s > 1e-10)) return 0;
+                L[6 * i] = sqrt(s);
+            } else
+                L[5 * i + j] = s / L[6 * j];
+        }
+    for (int j = 0; j < 5; j++) { /* inv = L^-1 */
+        inv[6 * j] = 1 / L[6 * j];
+        for (int i = j + 1; i < 5; i++) {
+            double s = 0;
+            for (int k = j; k < i; k++) s -= L[5 * i + k] * inv[5 * k + j];
+            inv[5 * i + j] = s / L[6 * i];
+        }
+    }
+    for (int i = 0; i < 5; i++)
+        for (int j = 0; j < 5; j++) {
+            double s = 0;
+            for (int k = i > j ? i : j; k < 5; k++) s += inv[5 * k + i] * inv[5 * k + j];
+            out[5 * i + j] = s * d[i] * d[j];
+        }
+    return 1;
+}
+
+static int is_ellipse(const double *s) {
+    return s[2] > 0 && s[2] * s[4] - s[3] * s[3] > 1e-9 * s[2] * s[4] && s[0] == s[0] && s[1] == s[1];
+}
+
+/* From the second moments: points spread evenly along a circle have variance r^2 / 2. */
+static void start_ellipse(int64_t n, const double *p, double *s) {
+    double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+    for (int64_t i = 0; i < n; i++) mx += p[2 * i], my += p[2 * i + 1];
+    mx /= n, my /= n;
+    for (int64_t i = 0; i < n; i++) {
+        const double dx = p[2 * i] - mx, dy = p[2 * i + 1] - my;
+        xx += 2 * dx * dx / n, xy += 2 * dx * dy / n, yy += 2 * dy * dy / n;
+    }
+    const double det = xx * yy - xy * xy;
+    s[0] = mx, s[1] = my, s[2] = yy / det, s[3] = -xy / det, s[4] = xx / det;
+}
+
+static int fit_ellipse(int64_t n, const double *p, double *s, double *rms, double *inverse,
+                       double *distance, double *sorted) {
+    for (int round = 0; round < ROUNDS; round++) {
+        double normal[25] = {0}, right[5] = {0}, total = 0, sum = 0, j[5], step[5], moved = 0;
+        for (int64_t i = 0; i < n; i++) {
+            distance[i] = sampson(s, p[2 * i], p[2 * i + 1], j);
+            sorted[i] = fabs(distance[i]);
+        }
+        const double sigma = fmax(1.4826 * select_kth(sorted, n, n / 2), FLOOR_PX);
+        for (int64_t i = 0; i < n; i++) {
+            const double w = biweight(distance[i], sigma), d = sampson(s, p[2 * i], p[2 * i + 1], j);
+            total += w, sum += w * d * d;
+            for (int a = 0; a < 5; a++) {
+                right[a] += w * j[a] * d;
+                for (int b = 0; b < 5; b++) normal[5 * a + b] += w * j[a] * j[b];
+            }
+        }
+        if (!invert(normal, inverse)) return 0;
+        *rms = sqrt(sum / total);
+        for (int a = 0; a < 5; a++) {
+            step[a] = 0;
+            for (int b = 0; b < 5; b++) step[a] -= inverse[5 * a + b] * right[b];
+        }
+        for (int half = 0;; half++) {
+            double next[5];
+            for (int a = 0; a < 5; a++) next[a] = s[a] + step[a];
+            if (is_ellipse(next)) {
+                moved = hypot(step[0], step[1]) + fabs(step[2]) / s[2] + fabs(step[4]) / s[4];
+                for (int a = 0; a < 5; a++) s[a] = next[a];
+                break;
+            }
+            if (half == 8) return 0;
+            for (int a = 0; a < 5; a++) step[a] /= 2;
+        }
+        if (moved < STILL) break;
+    }
+    return 1;
+}
+
+/* shape (n,5): centre and m11, m12, m22; in: a start, or NaN to find one; out: NaN where there
+ * is no ellipse. rms (n) of the distances; inverse (n,25) of the normal matrix. Returns 0
+ * if memory ran out. */
+FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double *xy,
+                                   double *shape, double *rms, double *inverse) {
+    int64_t most = 1;
+    for (int64_t i = 0; i < n; i++)
+        if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
+    double *work = malloc(2 * (size_t)most * sizeof *work);
+    if (!work) return 0;
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t points = first[i + 1] - first[i];
+        const double *p = xy + 2 * first[i];
+        double *s = shape + 5 * i;
+        if (points >= 6 && !(s[0] == s[0])) start_ellipse(points, p, s);
+        if (points >= 6 && is_ellipse(s) &&
+            fit_ellipse(points, p, s, rms + i, inverse + 25 * i, work, work + most))
+            continue;
+        for (int k = 0; k < 5; k++) s[k] = NAN;
+        for (int k = 0; k < 25; k++) inverse[25 * i + k] = NAN;
+        rms[i] = NAN;
+    }
+    free(work);
+    return 1;
+}

@@ -1,0 +1,193 @@
+"""Quads and ellipses through edge points: the ctypes side of ``native/outline_fit.c``."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.native import library
+from fronto.outlines.edges import EdgePoints
+from fronto.shapes import FloatArray
+
+__all__ = [
+    "Ellipses",
+    "Quads",
+    "ellipse_distance",
+    "fit_ellipses",
+    "fit_offsets",
+    "fit_quads",
+    "intersections",
+]
+
+
+#: Of `fit_offsets`.
+MOST_STATIONS = 64
+
+
+class Quads(NamedTuple):
+    """A quad for each of n masks; the side k runs from corner k to the next one.
+
+    Parameters
+    ----------
+    corners
+        (n, 4, 2) pixels, clockwise as seen; NaN where there is no quad.
+    lines
+        (n, 4, 3): each side's unit normal, pointing outwards, and offset: n · x = offset.
+    covered
+        (n, 4): share of the side's central part along which it has edge points, 0 to 1.
+    rms
+        (n, 4): of their distances from the line, pixels; NaN: the side has no line of its own.
+    number
+        (n, 4): of those edge points.
+    """
+
+    corners: FloatArray
+    lines: FloatArray
+    covered: FloatArray
+    rms: FloatArray
+    number: FloatArray
+
+
+class Ellipses(NamedTuple):
+    """An ellipse {p : (p - c)ᵀ M (p - c) = 1} for each of n groups of points.
+
+    Parameters
+    ----------
+    shape
+        (n, 5): centre x, y and m11, m12, m22; NaN where there is none.
+    rms
+        (n,): of the points' distances, pixels.
+    inverse
+        (n, 5, 5): inverse of the normal matrix; times the points' variance it is the
+        covariance of `shape`.
+    """
+
+    shape: FloatArray
+    rms: FloatArray
+    inverse: FloatArray
+
+
+@functools.cache
+def _kernels() -> tuple[Any, Any, Any]:
+    kernels = library()
+    pointer = ctypes.c_void_p
+    quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
+    quads.argtypes, quads.restype = [ctypes.c_int64] + [pointer] * 10, None
+    ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 5, ctypes.c_int
+    offsets = kernels.fronto_fit_offsets
+    offsets.argtypes, offsets.restype = [ctypes.c_int64] * 2 + [pointer] * 5, None
+    return quads, ellipses, offsets
+
+
+def _address(array: npt.NDArray[Any], dtype: type) -> int:
+    # The compiled side trusts these two.
+    assert array.flags.c_contiguous
+    assert array.dtype == dtype
+    return int(array.ctypes.data)
+
+
+def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None = None) -> Quads:
+    """Fit a quad to the edge points of each mask, each side by its own line.
+
+    Parameters
+    ----------
+    points
+        Of n masks' edges. Those on the photo's border help to find a start only.
+    central
+        (n,): share of each side, around its middle, whose points count: corners are rounded.
+    start
+        (n, 4, 2), clockwise as seen; None finds it: whitened points of a parallelogram lie on
+        a square, and where its corners are is told by the fourth harmonic of its outline.
+    """
+    n = len(points.size)
+    corners = np.full((n, 4, 2), np.nan) if start is None else np.array(start, np.float64)
+    lines, covered = np.empty((n, 4, 3)), np.empty((n, 4))
+    rms, number = np.empty((n, 4)), np.empty((n, 4))
+    given = (
+        (points.first, np.int64),
+        (np.ascontiguousarray(points.xy), np.float64),
+        (points.border.astype(np.uint8), np.uint8),
+        (np.ascontiguousarray(points.size), np.float64),
+        (np.ascontiguousarray(central, np.float64), np.float64),
+    )
+    results = (corners, lines, covered, rms, number)
+    _kernels()[0](
+        n, *(_address(a, t) for a, t in given), *(_address(a, np.float64) for a in results)
+    )
+    return Quads(*results)
+
+
+def fit_ellipses(
+    xy: FloatArray, first: npt.NDArray[np.int64], start: FloatArray | None = None
+) -> Ellipses:
+    """Fit an ellipse to each of n groups of points, for the least geometric distances.
+
+    Gauss-Newton on Sampson's distance (CGIP 18, 1982), robust against points that belong to
+    something else; nothing divides by the misfit, so that perfect points are no special case.
+
+    Parameters
+    ----------
+    xy, first
+        (N, 2) points; those of group k are ``xy[first[k] : first[k + 1]]``.
+    start
+        (n, 5) as in `Ellipses`; None: from the points' second moments, which needs points
+        all around.
+    """
+    n = len(first) - 1
+    shape = np.full((n, 5), np.nan) if start is None else np.array(start, np.float64)
+    rms, inverse = np.empty(n), np.empty((n, 5, 5))
+    xy = np.ascontiguousarray(xy, np.float64)
+    done = _kernels()[1](
+        n,
+        _address(first, np.int64),
+        _address(xy, np.float64),
+        *(_address(a, np.float64) for a in (shape, rms, inverse)),
+    )
+    if not done:
+        raise MemoryError
+    return Ellipses(shape, rms, inverse)
+
+
+def fit_offsets(offset: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Robust lines offset = a + b t through the stations of n curves.
+
+    Parameters
+    ----------
+    offset, t
+        (n, k), k up to 64; an offset of NaN is none.
+
+    Returns
+    -------
+    (n, 2) a and b; (n,) RMS of the deviations, infinity without a line; (n,) share of the
+    stations that the line passes.
+    """
+    n, k = offset.shape
+    assert k <= MOST_STATIONS
+    line, rms, seen = np.empty((n, 2)), np.empty(n), np.empty(n)
+    arrays = (np.ascontiguousarray(offset), np.ascontiguousarray(t), line, rms, seen)
+    _kernels()[2](n, k, *(_address(a, np.float64) for a in arrays))
+    return line, rms, seen
+
+
+def ellipse_distance(shape: FloatArray, xy: FloatArray) -> FloatArray:
+    """Sampson's distance (N,) of points (N, 2) from ellipses (N, 5), above 0 outside; pixels."""
+    with np.errstate(all="ignore"):
+        dx, dy = (xy - shape[:, :2]).T
+        m11, m12, m22 = shape[:, 2:].T
+        gx, gy = m11 * dx + m12 * dy, m12 * dx + m22 * dy
+        q = np.sqrt(dx * gx + dy * gy)
+        return np.asarray((q - 1) * q / np.hypot(gx, gy))
+
+
+def intersections(lines: FloatArray) -> FloatArray:
+    """Where each side (n, 4, 3) meets the one before it, (n, 4, 2): its first corner."""
+    before = np.roll(lines, 1, axis=1)
+    with np.errstate(all="ignore"):
+        scale = before[..., 0] * lines[..., 1] - before[..., 1] * lines[..., 0]
+        x = (before[..., 2] * lines[..., 1] - before[..., 1] * lines[..., 2]) / scale
+        y = (before[..., 0] * lines[..., 2] - before[..., 2] * lines[..., 0]) / scale
+    return np.stack([x, y], axis=2)

@@ -1,0 +1,237 @@
+"""What shape an outline has: a quad with rounded corners, an ellipse, or something odd."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.outlines.edges import EdgePoints
+from fronto.outlines.fits import Ellipses, Quads, ellipse_distance, fit_ellipses, fit_quads
+from fronto.shapes import FloatArray
+
+__all__ = ["Kind", "Shapes", "find_shapes"]
+
+Kind = Literal["quad", "ellipse", "odd"]
+
+#: Radii of a quad's corners that are tried, in half sides, up to a square with hardly a
+#: straight part; pills (whose short sides are half circles) this much longer than wide.
+RADII = np.arange(0.0, 0.78, 0.075)
+PILL = 1.3
+#: The share of a side on which its line is fitted at first; its limits once the radius is
+#: known.
+FIRST_CENTRAL, LEAST_CENTRAL, MOST_CENTRAL = 0.6, 0.6, 0.85
+#: Deviations below this do not tell shapes apart, pixels; above that, in sizes, one says as
+#: much as any other.
+FLOOR_PX, CAP = 0.2, 0.12
+#: Neighbouring edge points err together: this many of them are one observation.
+TOGETHER = 8.0
+#: What fits nothing better than this, in sizes (and pixels), is odd.
+ODD, ODD_PX = 0.035, 0.6
+#: Polygons stand off from their ellipse in waves: as many a turn, and this high, in radii
+#: (an octagon's are 0.031) and pixels.
+WAVES, WAVE, WAVE_PX = (3, 5, 6, 7, 8), 0.018, 0.3
+#: How much the other buttons of the photo say about one: as many observations.
+COMPANY = 1.5
+#: Smaller masks tell no shape, pixels.
+TINY_PX = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Shapes of n masks' outlines.
+
+    Parameters
+    ----------
+    kind
+        "quad", "ellipse" or "odd" for each.
+    confidence
+        (n,) probability of that kind.
+    quads, ellipses
+        Both fits, whatever was decided.
+    bounds
+        (n, 4, 2): the rectangle in the quad's directions that bounds the points.
+    radius
+        (n,) of the quad's corners in half sides.
+    rms
+        (n,) of the edge points' distances from the shape decided on, pixels.
+    """
+
+    kind: tuple[Kind, ...]
+    confidence: FloatArray
+    quads: Quads
+    ellipses: Ellipses
+    bounds: FloatArray
+    radius: FloatArray
+    rms: FloatArray
+
+
+def find_shapes(points: EdgePoints) -> Shapes:
+    """Fit quads and ellipses to the edge points of n masks, and decide between them."""
+    n = len(points.size)
+    quads = fit_quads(points, np.full(n, FIRST_CENTRAL))
+    radius, _ = _best_radius(points, quads.corners)
+    central = np.clip(1 - radius, LEAST_CENTRAL, MOST_CENTRAL)
+    quads = fit_quads(points, central, quads.corners)
+    radius, misfit = _best_radius(points, quads.corners)
+    inner = ~points.border
+    first = np.concatenate([[0], np.cumsum(inner)])[points.first].astype(np.int64)
+    ellipses = fit_ellipses(points.xy[inner], first)
+    owner = points.owner
+    off = ellipse_distance(ellipses.shape[owner], points.xy)
+    round_misfit = _mean_square(points, off)
+    wavy = _wavy(points, ellipses.shape, off)
+    pill_misfit, bounds = _pill(points, quads.corners)
+    errors = np.stack([misfit, round_misfit, pill_misfit], axis=1)
+    errors[np.isnan(errors)] = np.inf
+    chance = _chances(points, errors)
+    best = chance.argmax(axis=1)
+    rms = np.sqrt(errors[np.arange(n), best])
+    poor = ~(rms <= np.maximum(ODD * points.size, ODD_PX)) | (best == 2)
+    poor |= (best == 1) & wavy
+    kind: tuple[Kind, ...] = tuple(
+        "odd" if odd else ("quad", "ellipse")[b] for odd, b in zip(poor, best, strict=True)
+    )
+    return Shapes(kind, chance.max(axis=1), quads, ellipses, bounds, radius, rms)
+
+
+def _mean_square(points: EdgePoints, distance: FloatArray) -> FloatArray:
+    """Mean square of the distances (N, ...) over each mask's points, capped; (n, ...)."""
+    n, owner = len(points.size), points.owner
+    cap = (CAP * points.size[owner]) ** 2
+    inner = ~points.border
+    squares = np.minimum(distance.T**2, cap).T[inner]
+    number = np.bincount(owner[inner], minlength=n)
+    flat = squares.reshape(len(squares), int(np.prod(distance.shape[1:])))
+    sums = np.stack([np.bincount(owner[inner], c, n) for c in flat.T], axis=1)
+    with np.errstate(all="ignore"):
+        means = sums / number[:, None]
+    return np.asarray(means.reshape(n, *distance.shape[1:]))
+
+
+def _best_radius(points: EdgePoints, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Radius (n,) in half sides that fits best, and the mean square distance with it."""
+    u, v, half = _in_square(points, corners)
+    u, v = np.abs(u), np.abs(v)
+    radius = RADII[None]
+    du, dv = u[:, None] - (1 - radius), v[:, None] - (1 - radius)
+    rounded = np.hypot(np.maximum(du, 0), np.maximum(dv, 0)) - radius
+    # Along a side its own half length is the unit, in a corner their mean.
+    across = np.where(du > dv, (u[:, None] - 1) * half[:, :1], (v[:, None] - 1) * half[:, 1:])
+    corner = (du > 0) & (dv > 0)
+    distance = np.where(corner, rounded * half.mean(axis=1, keepdims=True), across)
+    misfit = _mean_square(points, distance)
+    misfit[np.isnan(misfit)] = np.inf
+    best = misfit.argmin(axis=1)
+    return RADII[best], misfit[np.arange(len(best)), best]
+
+
+def _pill(points: EdgePoints, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean square distance from a stadium, and the rectangles that bound the points.
+
+    The distances (n,) are infinite where it is not long enough; the rectangles (n, 4, 2) lie
+    in the quads' directions.
+    """
+    n, owner = len(points.size), points.owner
+    u, v, _ = _in_square(points, corners)
+    low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
+    for k, values in enumerate((u, v)):
+        np.minimum.at(low[:, k], owner, values)
+        np.maximum.at(high[:, k], owner, values)
+    with np.errstate(all="ignore"):
+        middle, reach = (low + high) / 2, (high - low) / 2
+        half = _half_sides(corners)
+        sides = half * reach
+        r = sides.min(axis=1)
+        x = np.abs(u - middle[owner, 0]) * half[owner, 0] - (sides[:, 0] - r)[owner]
+        y = np.abs(v - middle[owner, 1]) * half[owner, 1] - (sides[:, 1] - r)[owner]
+        outside = np.hypot(np.maximum(x, 0), np.maximum(y, 0))
+        misfit = _mean_square(points, outside + np.minimum(np.maximum(x, y), 0) - r[owner])
+        long = sides.max(axis=1) >= PILL * r
+        u4 = np.stack([low[:, 0], high[:, 0], high[:, 0], low[:, 0]], axis=1)
+        v4 = np.stack([low[:, 1], low[:, 1], high[:, 1], high[:, 1]], axis=1)
+        bounds = np.stack([u4, v4, np.ones_like(u4)], axis=2) @ _from_square(corners).swapaxes(1, 2)
+        bounds = bounds[..., :2] / bounds[..., 2:]
+    return np.where(long, misfit, np.inf), bounds
+
+
+def _wavy(points: EdgePoints, shape: FloatArray, off: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether the distances from the ellipse (N,) go up and down as a polygon's do, (n,)."""
+    n, owner = len(points.size), points.owner
+    with np.errstate(all="ignore"):
+        radius = (shape[:, 2] * shape[:, 4] - shape[:, 3] ** 2) ** -0.25
+        # The affine map that makes the ellipse a circle, up to a rotation: angles in there.
+        x, y = (points.xy - shape[owner, :2]).T
+        m11, m12, m22 = shape[owner, 2:].T
+        root = np.sqrt(m11)
+        angle = np.arctan2(y * np.sqrt(m22 - m12**2 / m11), x * root + y * m12 / root)
+        wave = np.exp(1j * angle)
+        number = np.bincount(owner, minlength=n)
+        high = np.zeros(n)
+        for k in WAVES:
+            part = np.nan_to_num(off * wave**k)
+            height = np.bincount(owner, part.real, n) + 1j * np.bincount(owner, part.imag, n)
+            high = np.fmax(high, 2 * np.abs(height) / number)
+        return np.asarray(high > np.maximum(WAVE * radius, WAVE_PX))
+
+
+def _half_sides(corners: FloatArray) -> FloatArray:
+    """Half width and half height (n, 2) of quads, pixels."""
+    along = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    return np.asarray((along[:, :2] + along[:, 2:]) / 4)
+
+
+def _in_square(
+    points: EdgePoints, corners: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """u, v of the points where the quads' corners are (±1, ±1); half sides (N, 2)."""
+    owner = points.owner
+    with np.errstate(all="ignore"):
+        inverse = np.linalg.inv(_from_square(corners))
+        x, y = points.xy.T
+        a = inverse[owner]
+        u, v, w = (a[:, k, 0] * x + a[:, k, 1] * y + a[:, k, 2] for k in range(3))
+        return u / w, v / w, _half_sides(corners)[owner]
+
+
+def _from_square(corners: FloatArray) -> FloatArray:
+    """Homographies (n, 3, 3) from (-1, -1), (1, -1), (1, 1), (-1, 1) to quads (n, 4, 2).
+
+    In closed form (Heckbert, "Fundamentals of Texture Mapping", 1989, Section 2.2.3).
+    """
+    p0, p1, p2, p3 = corners.swapaxes(0, 1)
+    d1, d2, s = p1 - p2, p3 - p2, p0 - p1 + p2 - p3
+    det = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
+    g = (s[:, 0] * d2[:, 1] - s[:, 1] * d2[:, 0]) / det
+    h = (d1[:, 0] * s[:, 1] - d1[:, 1] * s[:, 0]) / det
+    unit = np.empty((len(corners), 3, 3))
+    unit[:, :2, 0] = p1 - p0 + g[:, None] * p1
+    unit[:, :2, 1] = p3 - p0 + h[:, None] * p3
+    unit[:, :2, 2] = p0
+    unit[:, 2] = np.stack([g, h, np.ones_like(g)], axis=1)
+    unit[~np.isfinite(unit).all(axis=(1, 2))] = np.eye(3)
+    return np.asarray(unit @ np.array([[0.5, 0, 0.5], [0, 0.5, 0.5], [0, 0, 1]]))
+
+
+def _chances(points: EdgePoints, errors: FloatArray) -> FloatArray:
+    """Probability (n, 3) of each shape from its mean square distance.
+
+    Gaussian errors of unknown size have the likelihood (mean square)^(-observations / 2).
+    Buttons of one panel mostly have one shape: what most of them are, a doubtful one
+    probably is, too.
+    """
+    number = np.diff(points.first) / TOGETHER
+    number[points.size < TINY_PX] = 0
+    log = -0.5 * number[:, None] * np.log(errors + FLOOR_PX**2)
+    log[~np.isfinite(log)] = -1e9
+    first = _softmax(log)
+    votes = first.sum(axis=0) - first  # of all others
+    common = np.log((votes + 0.5) / (votes.sum(axis=1, keepdims=True) + 1.5))
+    return _softmax(log + COMPANY * common)
+
+
+def _softmax(log: FloatArray) -> FloatArray:
+    power = np.exp(log - log.max(axis=1, keepdims=True, initial=-1e12))
+    return np.asarray(power / power.sum(axis=1, keepdims=True))

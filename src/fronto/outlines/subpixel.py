@@ -1,0 +1,215 @@
+"""Outlines finer than pixels: from the masks' edges, refined on the photo's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.outlines.fits import Ellipses, Quads, fit_ellipses, fit_offsets, intersections
+from fronto.outlines.kinds import Shapes
+from fronto.outlines.profiles import Stations, find_edges
+from fronto.shapes import FloatArray
+
+__all__ = ["Refined", "refine"]
+
+#: Stations along a side, over this share of it less its rounding; and around an ellipse.
+ON_SIDE, MOST_SHARE, ON_ELLIPSE = 20, 0.8, 48
+#: An edge must show at this share of the stations, on one line but for this much, pixels.
+SEEN, STRAIGHT_PX = 0.5, 0.5
+#: And stand out from what is around it.
+LEAST_STEP = 1.3
+#: How far it may lie from the mask's, in sizes and pixels; and turned against it, degrees.
+AWAY, AWAY_PX, TURNED_DEG = 0.10, 1.5, 6.0
+#: Smaller buttons have too few pixels for an edge of their own.
+LEAST_SIZE_PX = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Quads and ellipses after a look at the photo.
+
+    Parameters
+    ----------
+    lines
+        (n, 4, 3): the quads' sides.
+    line_rms
+        (n, 4): deviation of the edge points from them, pixels.
+    from_image
+        (n, 4): sides taken from the photo; the others are the mask's.
+    shape
+        (n, 5): the ellipses, as in `Ellipses`.
+    ellipse_rms
+        (n,): deviation of the edge points from them, pixels.
+    ellipse_from_image
+        (n,): ellipses taken from the photo.
+    """
+
+    lines: FloatArray
+    line_rms: FloatArray
+    from_image: npt.NDArray[np.bool_]
+    shape: FloatArray
+    ellipse_rms: FloatArray
+    ellipse_from_image: npt.NDArray[np.bool_]
+
+
+def refine(image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray) -> Refined:
+    """Move the outlines to the photo's edges where these agree with the masks.
+
+    Parameters
+    ----------
+    image
+        (h, w, channels) uint8; None: the masks' outlines as they are.
+    shapes
+        From the masks.
+    size
+        (n,): square root of each mask's area, pixels.
+    """
+    quads, ellipses = shapes.quads, shapes.ellipses
+    lines, rms = quads.lines.copy(), quads.rms.copy()
+    from_image = np.zeros(rms.shape, bool)
+    shape, ellipse_rms = ellipses.shape.copy(), ellipses.rms.copy()
+    round_from_image = np.zeros(len(size), bool)
+    if image is not None and len(size):
+        kinds = np.array(shapes.kind)
+        large = size >= LEAST_SIZE_PX
+        rows = np.flatnonzero((kinds == "quad") & large & np.isfinite(quads.corners).all((1, 2)))
+        if len(rows):
+            found = _sides(image, quads, shapes.radius, size, rows)
+            lines[rows], rms[rows], from_image[rows] = found
+        rows = np.flatnonzero((kinds == "ellipse") & large & np.isfinite(shape).all(axis=1))
+        if len(rows):
+            shape[rows], ellipse_rms[rows], round_from_image[rows] = _ellipses(
+                image, ellipses, size, rows
+            )
+    return Refined(lines, rms, from_image, shape, ellipse_rms, round_from_image)
+
+
+def _sides(
+    image: npt.NDArray[Any],
+    quads: Quads,
+    radius: FloatArray,
+    size: FloatArray,
+    rows: npt.NDArray[np.intp],
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    own = np.isfinite(quads.rms[rows])  # sides that are seen
+    masks = quads.lines[rows]
+    lines, rms = masks, quads.rms[rows]
+    share = np.minimum(MOST_SHARE, 1 - radius[rows])
+    good = own
+    for look in (0, 1):
+        stations, t, length = _side_stations(intersections(lines), share, size[rows])
+        edges = find_edges(image, stations, look)
+        places = np.repeat(t, 4, axis=0)
+        fits = fit_offsets(edges.offset.astype(np.float64), places)
+        fitted, spread, seen = (f.reshape(len(rows), 4, *f.shape[1:]) for f in fits)
+        step = edges.step.reshape(len(rows), 4)
+        moved = _moved(lines, intersections(lines), fitted, length)
+        near, turned = _compared(moved, masks, intersections(masks))
+        good = (
+            good
+            & (seen >= SEEN)
+            & (spread <= np.maximum(STRAIGHT_PX, 0.012 * size[rows])[:, None])
+            & (step >= LEAST_STEP)
+            & (near <= np.maximum(AWAY * size[rows], AWAY_PX)[:, None])
+            & (turned <= TURNED_DEG)
+        )
+        lines = np.where(good[..., None], moved, masks)
+        rms = np.where(good, spread, quads.rms[rows])
+    return lines, rms, good
+
+
+def _side_stations(
+    corners: FloatArray, share: FloatArray, size: FloatArray
+) -> tuple[Stations, FloatArray, FloatArray]:
+    """Stations on all sides; their places from -1/2 to 1/2 (n, k); the sides' lengths (n, 4)."""
+    along = np.roll(corners, -1, axis=1) - corners
+    length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
+    tangent = along / length[..., None]
+    normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
+    t = (np.arange(ON_SIDE) + 0.5) / ON_SIDE - 0.5
+    place = t * share[:, None]
+    xy = (corners + along / 2)[:, :, None] + place[:, None, :, None] * along[:, :, None]
+    n = len(corners)
+    normals = np.broadcast_to(normal[:, :, None], xy.shape).reshape(4 * n, ON_SIDE, 2)
+    stations = Stations(xy.reshape(4 * n, ON_SIDE, 2), normals, np.repeat(size, 4), signed=True)
+    return stations, place, length
+
+
+def _moved(
+    lines: FloatArray, corners: FloatArray, fitted: FloatArray, length: FloatArray
+) -> FloatArray:
+    """The lines, moved by a + b t along their normals."""
+    along = np.roll(corners, -1, axis=1) - corners
+    middle = corners + along / 2
+    start = middle + fitted[..., :1] * lines[..., :2]
+    direction = along + fitted[..., 1:] * lines[..., :2]
+    normal = np.stack([direction[..., 1], -direction[..., 0]], axis=2)
+    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-9)
+    return np.concatenate([normal, (normal * start).sum(axis=2, keepdims=True)], axis=2)
+
+
+def _compared(
+    moved: FloatArray, masks: FloatArray, corners: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance at the sides' middles (n, 4), pixels, and angle, degrees, from the masks' lines."""
+    middle = (corners + np.roll(corners, -1, axis=1)) / 2
+    near = np.abs((moved[..., :2] * middle).sum(axis=2) - moved[..., 2])
+    cross = moved[..., 0] * masks[..., 1] - moved[..., 1] * masks[..., 0]
+    return near, np.degrees(np.abs(np.arcsin(np.clip(cross, -1, 1))))
+
+
+def _ellipses(
+    image: npt.NDArray[Any], ellipses: Ellipses, size: FloatArray, rows: npt.NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    masks = shape = ellipses.shape[rows]
+    rms = ellipses.rms[rows]
+    good = np.ones(len(rows), bool)
+    for look in (0, 1):
+        stations = _round_stations(shape, size[rows])
+        edges = find_edges(image, stations, look)
+        seen = np.isfinite(edges.offset)
+        points = stations.xy + np.nan_to_num(edges.offset)[..., None] * stations.normal
+        first = np.concatenate([[0], np.cumsum(seen.sum(axis=1))]).astype(np.int64)
+        fitted = fit_ellipses(points[seen], first, shape)
+        near = _apart(fitted.shape, masks)
+        good = (
+            good
+            & (seen.mean(axis=1) >= SEEN)
+            & (fitted.rms <= np.maximum(STRAIGHT_PX, 0.012 * size[rows]))
+            & (edges.step >= LEAST_STEP)
+            & (near <= np.maximum(AWAY * size[rows], AWAY_PX))
+        )
+        shape = np.where(good[:, None], fitted.shape, masks)
+        rms = np.where(good, fitted.rms, ellipses.rms[rows])
+    return shape, rms, good
+
+
+def _frames(shape: FloatArray) -> FloatArray:
+    """L (n, 2, 2) with {c + L u : |u| = 1} the ellipse: the inverse root of M."""
+    m = np.stack([shape[:, [2, 3]], shape[:, [3, 4]]], axis=1)
+    values, vectors = np.linalg.eigh(m)
+    return np.asarray(vectors / np.sqrt(values)[:, None] @ vectors.swapaxes(1, 2))
+
+
+def _round_stations(shape: FloatArray, size: FloatArray) -> Stations:
+    t = 2 * np.pi * np.arange(ON_ELLIPSE) / ON_ELLIPSE
+    unit = np.stack([np.cos(t), np.sin(t)], axis=1)
+    frame = _frames(shape)
+    xy = shape[:, None, :2] + unit @ frame.swapaxes(1, 2)
+    normal = unit @ np.linalg.inv(frame)  # M (p - c) up to scale
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    return Stations(xy, normal, size, signed=False)
+
+
+def _apart(shape: FloatArray, other: FloatArray) -> FloatArray:
+    """Largest distance between two ellipses' extents and centres, (n,), pixels."""
+    with np.errstate(all="ignore"):
+        center = np.abs(shape[:, :2] - other[:, :2]).max(axis=1)
+        sizes = []
+        for s in (shape, other):
+            det = s[:, 2] * s[:, 4] - s[:, 3] ** 2
+            sizes.append(np.sqrt(np.stack([s[:, 4] / det, s[:, 2] / det], axis=1)))
+        return np.asarray(np.fmax(center, np.abs(sizes[0] - sizes[1]).max(axis=1)))
