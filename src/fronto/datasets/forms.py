@@ -99,7 +99,8 @@ def _evidence(rgb: npt.NDArray[Any], box: Box) -> float:
     x, y = np.ascontiguousarray(places.transpose(2, 0, 1))
     values = cv2.remap(
         rgb.astype(np.float32),
-        *cv2.split(places),
+        x,
+        y,
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
