@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,3 +41,38 @@ def write_between(path: Path, name: str, text: str) -> None:
     head, rest = content.split(begin, 1)
     tail = rest.split(end, 1)[1]
     path.write_text(f"{head}{begin}\n{text}\n{end}{tail}", encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A figure, and what it is to be: at least, or at most, a value."""
+
+    figure: str
+    value: float
+    wanted: float
+    at_most: bool = False
+    form: str = ".3f"
+    unit: str = ""
+
+    @property
+    def reached(self) -> bool:
+        return self.value <= self.wanted if self.at_most else self.value >= self.wanted
+
+    def row(self) -> dict[str, str]:
+        measured = not math.isnan(self.value)
+        sign = "≤" if self.at_most else "≥"
+        return {
+            "": self.figure,
+            "measured": f"{self.value:{self.form}}{self.unit}" if measured else "not measured",
+            "target": f"{sign} {self.wanted:g}{self.unit}",
+            "reached": ("yes" if self.reached else "**no**") if measured else "–",
+        }
+
+
+def rounded(value: Any) -> Any:
+    """Numbers to six digits, however deep."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value

@@ -13,7 +13,6 @@ import argparse
 import hashlib
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,38 +28,12 @@ from fronto.files import json_bytes
 from fronto.segmentation import segment
 from fronto.segments import Segments
 from network import MEGABYTE, measured, renders
-from report import describe_machine, markdown_table, write_between
+from report import Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
 RENDERS, QUICK = 300, 40
 RUNS, QUICK_RUNS = 40, 10
-
-
-@dataclass(frozen=True)
-class Target:
-    """A figure, and what it is to be: at least, or at most, a value."""
-
-    figure: str
-    value: float
-    wanted: float
-    at_most: bool = False
-    form: str = ".3f"
-    unit: str = ""
-
-    @property
-    def reached(self) -> bool:
-        return self.value <= self.wanted if self.at_most else self.value >= self.wanted
-
-    def row(self) -> dict[str, str]:
-        measured = not math.isnan(self.value)
-        sign = "≤" if self.at_most else "≥"
-        return {
-            "": self.figure,
-            "measured": f"{self.value:{self.form}}{self.unit}" if measured else "not measured",
-            "target": f"{sign} {self.wanted:g}{self.unit}",
-            "reached": ("yes" if self.reached else "**no**") if measured else "–",
-        }
 
 
 def evaluated(
@@ -201,15 +174,6 @@ def speed_text(figures: dict[str, float]) -> str:
         f"{figures['parity_sides']:.1e} of themselves. Load average of the machine when this was "
         f"measured: {figures['load_average']:.1f}."
     )
-
-
-def rounded(value: Any) -> Any:
-    """Numbers to six digits, however deep."""
-    if isinstance(value, dict):
-        return {key: rounded(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [rounded(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def write(root: Path, record: dict[str, Any], texts: dict[str, str]) -> None:

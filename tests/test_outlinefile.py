@@ -132,6 +132,51 @@ def test_a_result_is_read_back(path: Path) -> None:
     assert (second.shape, second.text) == ("ellipse", "")
 
 
+def test_what_is_not_seen_and_the_shape_s_confidence(path: Path) -> None:
+    quad = {"corners_px": QUAD, "seen": [True, False, True, True], "shape_confidence": 0.25}
+    plain = {"corners_px": OTHER}
+    round_one = {"ellipse_px": ELLIPSE, "seen": [True] * 4}
+    found = read_outlines(write(path, {"buttons": [quad, plain, round_one]})).outlines
+    assert [outline.seen for outline in found] == [(True, False, True, True), *[(True,) * 4] * 2]
+    assert [outline.shape_confidence for outline in found] == [0.25, 1, 1]
+
+
+def test_plates_are_read_as_buttons_are(path: Path) -> None:
+    values = {
+        "width_px": 640,
+        "height_px": 480,
+        "buttons": [{"corners_px": QUAD}],
+        "plates": [
+            {"corners_px": OTHER, "std_px": 0.25, "text": "12"},
+            {"ellipse_px": ELLIPSE, "unsure": True},
+            {"corners_px": QUAD, "category": "other"},  # one round a button is another thing
+        ],
+    }
+    found = read_outlines(write(path, values))
+    assert [plate.category for plate in found.plates] == ["plate", "other"]
+    assert (found.plates[0].text, found.plates[0].std_px) == ("12", 0.25)
+    assert found.skipped == ()
+    assert len(read_outlines(path, include_unsure=True).plates) == 3
+    larger = read_outlines(path, 1280, 960)
+    corners = larger.plates[0].corners_px
+    assert corners is not None
+    assert corners[0].tolist() == [220.5, 40.5]
+    assert larger.plates[0].std_px == 0.5
+
+
+@pytest.mark.parametrize("plate", [{"corners_px": QUAD[:3]}, {"category": "plate"}, {"seen": []}])
+def test_a_bad_plate_is_named(path: Path, plate: dict[str, Any]) -> None:
+    assert "plates[1]" in fails(path, {"buttons": [], "plates": [{"corners_px": QUAD}, plate]})
+
+
+def test_plates_that_cannot_be(path: Path) -> None:
+    far = {"corners_px": [[x + 700, y] for x, y in QUAD]}
+    unsure, plate = {**far, "unsure": True}, {"corners_px": QUAD}
+    message = fails(path, {"buttons": [], "plates": [unsure, far]}, width_px=640, height_px=480)
+    assert "plates[1]" in message
+    assert "plates 1 and 2" in fails(path, {"buttons": [], "plates": [unsure, plate, plate]})
+
+
 def test_no_buttons_is_no_error(path: Path) -> None:
     assert read_outlines(write(path, {"buttons": []})).outlines == ()
 
@@ -208,6 +253,10 @@ BAD_BUTTONS: dict[str, tuple[dict[str, Any], str]] = {
     "deviation": ({"corners_px": QUAD, "std_px": 0}, "std_px"),
     "confidence": ({"corners_px": QUAD, "confidence": 1.5}, "confidence"),
     "flag": ({"corners_px": QUAD, "unsure": "yes"}, "unsure"),
+    "shape's confidence": ({"corners_px": QUAD, "shape_confidence": -0.1}, "shape_confidence"),
+    "three sides": ({"corners_px": QUAD, "seen": [True] * 3}, "seen"),
+    "sides by number": ({"corners_px": QUAD, "seen": [1, 1, 1, 0]}, "seen[0]"),
+    "a round one's sides": ({"ellipse_px": ELLIPSE, "seen": [True, False] * 2}, "seen"),
 }
 
 
@@ -340,6 +389,42 @@ def test_what_is_written_is_read_back_exactly(
     assert (ellipse.category, ellipse.truncated, ellipse.odd) == ("up", True, False)
     assert np.array_equal(found.lines[0].ends_px, lines[0].ends_px)
     assert (found.lines[0].axis, found.lines[0].std_px, found.image) == ("vertical", std, text)
+
+
+@settings(derandomize=True, deadline=None, max_examples=50)
+@given(
+    seen=st.tuples(*[st.booleans()] * 4),
+    confidences=st.lists(st.floats(0, 1), min_size=3, max_size=3),
+    plates=st.integers(0, 2),
+)
+def test_what_is_seen_and_plates_are_read_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory,
+    seen: tuple[bool, bool, bool, bool],
+    confidences: list[float],
+    plates: int,
+) -> None:
+    path = tmp_path_factory.mktemp("round") / "a.json"
+    first, second, third = confidences
+    buttons = [
+        Outline.quad(QUAD, seen=seen, truncated=not all(seen), shape_confidence=first),
+        Outline.ellipse(200, 100, 20, 15, shape_confidence=second),
+    ]
+    labels = [
+        Outline.quad(OTHER, category="plate", seen=seen, shape_confidence=third),
+        Outline.ellipse(300, 100, 20, 15, category="plate", text="5"),
+    ][:plates]
+    write_outlines(path, buttons, plates=labels)
+    found = read_outlines(path)
+    assert len(found.plates) == plates
+    for wrote, read in zip([*buttons, *labels], [*found.outlines, *found.plates], strict=True):
+        assert vars(read) | {"corners_px": None} == vars(wrote) | {"corners_px": None}
+        assert np.array_equal(read.box_px, wrote.box_px)
+    # Files of those who state none of this stay as they were.
+    values = json.loads(path.read_bytes())
+    quad, ellipse = values["buttons"]
+    assert ("seen" in quad, "seen" in ellipse) == (not all(seen), False)
+    assert ("shape_confidence" in quad) == (first != 1)
+    assert ("plates" in values) == (plates > 0)
 
 
 def test_writing_to_a_missing_folder_is_refused(tmp_path: Path) -> None:

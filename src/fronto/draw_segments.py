@@ -7,17 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.draw import (
-    HALO,
-    Color,
-    Picture,
-    _is_free,
-    _rgb,
-    _text,
-    _text_size,
-    _unit,
-)
-from fronto.errors import InputError
+from fronto.drawing import HALO, Color, Picture, rgb_canvas, unit_of, write_names
 from fronto.segments import Segments
 
 __all__ = ["COLORS", "draw_segments"]
@@ -58,19 +48,14 @@ def draw_segments(image_rgb: npt.NDArray[Any], segments: Segments) -> Picture:
     InputError
         If the image is not uint8 with 1 or 3 channels, or not of the segments' size.
     """
-    canvas = _rgb(image_rgb)
-    height, width = canvas.shape[:2]
-    if (width, height) != (segments.width_px, segments.height_px):
-        raise InputError(
-            "image",
-            f"expected the size {segments.width_px}x{segments.height_px} that was segmented, "
-            f"got {width}x{height}",
-            "give the photo itself",
-        )
-    unit = _unit(canvas)
+    canvas = rgb_canvas(image_rgb, (segments.width_px, segments.height_px))
+    unit = unit_of(canvas)
     for segment in reversed(segments.segments):
         _tint(canvas, segment.origin_px, segment.mask, COLORS[segment.category], unit)
-    _draw_names(canvas, segments, unit)
+    names = [f"{segment.category} {segment.confidence:.2f}" for segment in segments]
+    boxes = [segment.box_px for segment in segments]
+    colors = [COLORS[segment.category] for segment in segments]
+    write_names(canvas, names, boxes, colors, LETTERS * unit, gap=2 * unit, first="above")
     return canvas
 
 
@@ -92,27 +77,3 @@ def _tint(
     thick = max(1, round(unit))
     cv2.drawContours(canvas, lines, -1, HALO, thick + 2)
     cv2.drawContours(canvas, lines, -1, color, thick)
-
-
-def _draw_names(canvas: Picture, segments: Segments, unit: float) -> None:
-    """Beside each segment, where it covers no other one or its name; else on the segment."""
-    boxes = [segment.box_px for segment in segments]
-    written: list[tuple[float, float, float, float]] = []
-    gap, letters = 2 * unit, LETTERS * unit
-    for k, segment in enumerate(segments):
-        name = f"{segment.category} {segment.confidence:.2f}"
-        wide, high = _text_size(name, letters)
-        x0, y0, x1, y1 = boxes[k]
-        middle_x, middle_y = (x0 + x1 - wide) / 2, (y0 + y1 - high) / 2
-        places = [
-            (middle_x, y0 - gap - high),
-            (middle_x, y1 + gap),
-            (x1 + gap, middle_y),
-            (x0 - gap - wide, middle_y),
-        ]
-        others = boxes[:k] + boxes[k + 1 :] + written
-        free = [p for p in places if _is_free((*p, p[0] + wide, p[1] + high), others, canvas)]
-        x, y = free[0] if free else (middle_x, middle_y)
-        x = min(max(x, 0.0), max(0.0, canvas.shape[1] - 1.0 - wide))
-        written.append((x, y, x + wide, y + high))
-        _text(canvas, name, (round(x), round(y + high)), letters, COLORS[segment.category])

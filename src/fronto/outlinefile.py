@@ -6,81 +6,20 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from fronto.camera.checks import same_aspect
 from fronto.errors import InputError
 from fronto.files import decode_json, json_bytes, read_bytes, write_bytes
-from fronto.shapes import DEFAULT_STD_PX, Axis, Ellipse, LineSegment, Outline
+from fronto.outlinerecords import OutlinesRecord, outline_of, panel_lines, stated_size
+from fronto.shapes import Ellipse, FloatArray, LineSegment, Outline
 
 __all__ = ["OutlineFile", "read_outlines", "write_outlines"]
 
 SCHEMA = "fronto.outlines/1"
 MAX_BYTES = 50_000_000
-MAX_ITEMS = 10_000
-#: Far beyond any photo, and well within the range where products are exact enough.
-FAR_PX = 1e6
-#: No button, and no deviation that anybody measures, is smaller.
-LEAST_PX = 1e-3
-
-_Coordinate = Annotated[float, msgspec.Meta(ge=-FAR_PX, le=FAR_PX)]
-_Point = tuple[_Coordinate, _Coordinate]
-_Corners = Annotated[list[_Point], msgspec.Meta(min_length=4, max_length=4)]
-_Length = Annotated[float, msgspec.Meta(ge=LEAST_PX, le=FAR_PX)]
-_Side = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
-
-
-class _Ellipse(msgspec.Struct):
-    cx: _Coordinate
-    cy: _Coordinate
-    a: _Length
-    b: _Length
-    angle_deg: float = 0.0
-
-
-class _Button(msgspec.Struct):
-    """A button in any of the three formats; the pairs are two spellings of one thing."""
-
-    shape: Literal["quad", "ellipse"] | None = None
-    corners_px: _Corners | None = None
-    corners: _Corners | None = None
-    ellipse_px: _Ellipse | None = None
-    ellipse: _Ellipse | None = None
-    std_px: _Length | None = None
-    corner_std_px: _Length | None = None
-    text: str | None = None
-    label: str | None = None
-    category: str = "other"
-    confidence: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
-    odd: bool = False
-    truncated: bool = False
-    unsure: bool = False
-
-
-class _Line(msgspec.Struct):
-    axis: Axis
-    ends_px: Annotated[list[_Point], msgspec.Meta(min_length=2, max_length=2)]
-    std_px: _Length | None = None
-
-
-_Segment = tuple[_Coordinate, _Coordinate, _Coordinate, _Coordinate]
-_Segments = Annotated[list[_Segment], msgspec.Meta(max_length=MAX_ITEMS)]
-
-
-class _File(msgspec.Struct):
-    buttons: Annotated[list[_Button], msgspec.Meta(max_length=MAX_ITEMS)]
-    schema: Literal["fronto.outlines/1", "fronto.panel/1"] | None = None
-    image: str | None = None
-    width_px: _Side | None = None
-    height_px: _Side | None = None
-    width: _Side | None = None
-    height: _Side | None = None
-    lines: Annotated[list[_Line], msgspec.Meta(max_length=MAX_ITEMS)] = []
-    horizontal: _Segments = []
-    vertical: _Segments = []
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +39,8 @@ class OutlineFile:
         the file states, else None.
     skipped
         Indices in the file of the buttons left out because they are marked unsure.
+    plates
+        Outlines of the labels beside buttons, which nobody presses.
     """
 
     outlines: tuple[Outline, ...]
@@ -108,6 +49,7 @@ class OutlineFile:
     width_px: int | None = None
     height_px: int | None = None
     skipped: tuple[int, ...] = ()
+    plates: tuple[Outline, ...] = ()
 
 
 def read_outlines(
@@ -118,10 +60,10 @@ def read_outlines(
     include_unsure: bool = False,
     include_segments: bool = False,
 ) -> OutlineFile:
-    """Read the outlines of one photo's buttons.
+    """Read the outlines of one photo's buttons and plates.
 
     Three formats, told apart by their keys: fronto's own (``corners_px``, ``ellipse_px``,
-    ``lines``), the annotation format (``corners``, ``ellipse``, ``horizontal``,
+    ``plates``, ``lines``), the annotation format (``corners``, ``ellipse``, ``horizontal``,
     ``vertical``), and a result of fronto (schema ``fronto.panel/1``). Other keys are
     left alone.
 
@@ -133,7 +75,7 @@ def read_outlines(
         The photo's size, upright. Where the file states another one of the same aspect
         (within 1 %), outlines and lines are scaled to it.
     include_unsure
-        Take buttons marked ``"unsure": true`` as well.
+        Take buttons and plates marked ``"unsure": true`` as well.
     include_segments
         Take an annotation's horizontal and vertical segments as lines; they are meant
         as ground truth to measure with.
@@ -145,27 +87,31 @@ def read_outlines(
     """
     thing = f"outlines file {path}"
     content = read_bytes(Path(path), thing, MAX_BYTES)
-    file = decode_json(content, _File, thing)
+    file = decode_json(content, OutlinesRecord, thing)
     photo = _photo_size(width_px, height_px)
-    stated = _stated_size(file, thing)
-    kept = [k for k, button in enumerate(file.buttons) if include_unsure or not button.unsure]
-    outlines = [_outline(file.buttons[k], f"{thing}, buttons[{k}]") for k in kept]
-    lines = [_line(line, f"{thing}, lines[{k}]") for k, line in enumerate(file.lines)]
-    if include_segments:
-        lines += _segments(file, thing)
-    if stated is not None and photo is not None and stated != photo:
-        if not same_aspect(*stated, *photo):
-            raise InputError(
-                f"{thing}, width_px and height_px",
-                f"expected the photo's size {photo[0]}x{photo[1]} or its aspect, "
-                f"got {stated[0]}x{stated[1]}",
-                "give the outlines of this photo, in pixels of the upright photo",
-            )
-        outlines, lines = _scaled(outlines, lines, stated, photo)
+    stated = stated_size(file, thing)
+    if stated is not None and photo is not None and not same_aspect(*stated, *photo):
+        raise InputError(
+            f"{thing}, width_px and height_px",
+            f"expected the photo's size {photo[0]}x{photo[1]} or its aspect, "
+            f"got {stated[0]}x{stated[1]}",
+            "give the outlines of this photo, in pixels of the upright photo",
+        )
     size = photo or stated
-    if size is not None:
-        _check_inside(outlines, kept, size, thing)
-    _check_together(outlines, kept, thing)
+    kept = [k for k, button in enumerate(file.buttons) if include_unsure or not button.unsure]
+    sure = [k for k, plate in enumerate(file.plates) if include_unsure or not plate.unsure]
+    outlines = [outline_of(file.buttons[k], f"{thing}, buttons[{k}]") for k in kept]
+    plates = [outline_of(file.plates[k], f"{thing}, plates[{k}]") for k in sure]
+    lines = panel_lines(file, thing, segments=include_segments)
+    if stated is not None and photo is not None and stated != photo:
+        factor = np.array(photo) / np.array(stated)
+        outlines = [_scaled(outline, factor) for outline in outlines]
+        plates = [_scaled(plate, factor) for plate in plates]
+        lines = [_scaled_line(line, factor) for line in lines]
+    for found, numbers, key in ((outlines, kept, "buttons"), (plates, sure, "plates")):
+        if size is not None:
+            _check_inside(found, numbers, size, thing, key)
+        _check_together(found, numbers, thing, key)
     return OutlineFile(
         outlines=tuple(outlines),
         lines=tuple(lines),
@@ -173,6 +119,7 @@ def read_outlines(
         width_px=size[0] if size else None,
         height_px=size[1] if size else None,
         skipped=tuple(k for k in range(len(file.buttons)) if k not in set(kept)),
+        plates=tuple(plates),
     )
 
 
@@ -180,6 +127,7 @@ def write_outlines(
     path: str | Path,
     outlines: Sequence[Outline],
     *,
+    plates: Sequence[Outline] = (),
     lines: Sequence[LineSegment] = (),
     image: str = "",
     width_px: int | None = None,
@@ -191,8 +139,8 @@ def write_outlines(
     ----------
     path
         The file; its folder must exist.
-    outlines, lines
-        What to write.
+    outlines, plates, lines
+        What to write: of buttons, of the labels beside them, and of the panel.
     image
         The photo's file name.
     width_px, height_px
@@ -209,7 +157,9 @@ def write_outlines(
     size = _photo_size(width_px, height_px)
     if size is not None:
         values["width_px"], values["height_px"] = size
-    values["buttons"] = [_button_fields(outline) for outline in outlines]
+    values["buttons"] = [_fields(outline) for outline in outlines]
+    if plates:
+        values["plates"] = [_fields(plate) for plate in plates]
     values["lines"] = [
         {"axis": line.axis, "ends_px": line.ends_px.tolist(), "std_px": float(line.std_px)}
         for line in lines
@@ -217,7 +167,7 @@ def write_outlines(
     write_bytes(Path(path), json_bytes(values))
 
 
-def _button_fields(outline: Outline) -> dict[str, Any]:
+def _fields(outline: Outline) -> dict[str, Any]:
     fields: dict[str, Any] = {"shape": outline.shape}
     if outline.corners_px is not None:
         fields["corners_px"] = outline.corners_px.tolist()
@@ -228,6 +178,10 @@ def _button_fields(outline: Outline) -> dict[str, Any]:
         }
     fields |= {"category": outline.category, "text": outline.text}
     fields |= {"std_px": float(outline.std_px), "confidence": float(outline.confidence)}
+    if outline.shape_confidence != 1:
+        fields["shape_confidence"] = float(outline.shape_confidence)
+    if outline.shape == "quad" and not all(outline.seen):  # an ellipse has no sides
+        fields["seen"] = [bool(side) for side in outline.seen]
     return fields | {name: True for name in ("odd", "truncated") if getattr(outline, name)}
 
 
@@ -239,124 +193,41 @@ def _photo_size(width_px: int | None, height_px: int | None) -> tuple[int, int] 
     return width_px, height_px
 
 
-def _stated_size(file: _File, thing: str) -> tuple[int, int] | None:
-    width = file.width if file.width_px is None else file.width_px
-    height = file.height if file.height_px is None else file.height_px
-    if width is None and height is None:
-        return None
-    if width is None or height is None:
-        raise InputError(
-            f"{thing}, {'width_px' if width is None else 'height_px'}",
-            "expected both width_px and height_px, got one of them",
-            "add the other one, or leave both out",
-        )
-    return width, height
-
-
-def _outline(button: _Button, thing: str) -> Outline:
-    given = [
-        name
-        for name in ("corners_px", "corners", "ellipse_px", "ellipse")
-        if getattr(button, name) is not None
-    ]
-    if len(given) != 1:
-        raise InputError(
-            thing,
-            f"expected either corners_px or ellipse_px, got {' and '.join(given) or 'neither'}",
-            "give four corners, or an ellipse",
-        )
-    spelled = given[0]
-    shape: Literal["quad", "ellipse"] = "quad" if "corners" in spelled else "ellipse"
-    if button.shape not in (None, shape):
-        raise InputError(
-            f"{thing}.shape",
-            f'expected "{shape}" with {spelled}, got "{button.shape}"',
-            "correct one of them",
-        )
-    ellipse = button.ellipse_px or button.ellipse
-    corners = button.corners_px or button.corners
-    std = button.std_px or button.corner_std_px or DEFAULT_STD_PX
-    try:
-        return Outline(
-            shape,
-            corners_px=None if corners is None else np.array(corners),
-            ellipse_px=None
-            if ellipse is None
-            else Ellipse(ellipse.cx, ellipse.cy, ellipse.a, ellipse.b, ellipse.angle_deg),
-            std_px=std,
-            category=button.category,
-            confidence=1.0 if button.confidence is None else button.confidence,
-            text=button.text or button.label or "",
-            odd=button.odd,
-            truncated=button.truncated,
-        )
-    except InputError as error:
-        raise InputError(f"{thing}.{spelled}", error.expected, error.remedy) from None
-
-
-def _line(line: _Line, thing: str) -> LineSegment:
-    try:
-        return LineSegment(line.axis, np.array(line.ends_px), line.std_px or DEFAULT_STD_PX)
-    except InputError as error:
-        raise InputError(f"{thing}.ends_px", error.expected, error.remedy) from None
-
-
-def _segments(file: _File, thing: str) -> list[LineSegment]:
-    lines = []
-    axes: tuple[Axis, ...] = ("horizontal", "vertical")
-    for axis in axes:
-        segments: list[_Segment] = getattr(file, axis)
-        for k, (x0, y0, x1, y1) in enumerate(segments):
-            fields = _Line(axis, [(x0, y0), (x1, y1)])
-            lines.append(_line(fields, f"{thing}, {axis}[{k}]"))
-    return lines
-
-
-def _scaled(
-    outlines: list[Outline],
-    lines: list[LineSegment],
-    old: tuple[int, int],
-    new: tuple[int, int],
-) -> tuple[list[Outline], list[LineSegment]]:
+def _scaled(outline: Outline, factor: FloatArray) -> Outline:
     """Scale to the resized photo: x' = (x + 0.5) s - 0.5, since pixel centres are integers."""
-    factor = np.array(new) / np.array(old)
-    mean = float(np.sqrt(factor.prod()))
-    moved = []
-    for outline in outlines:
-        std = outline.std_px * mean
-        if outline.corners_px is not None:
-            corners = (outline.corners_px + 0.5) * factor - 0.5
-            moved.append(replace(outline, corners_px=corners, std_px=std))
-        else:
-            assert outline.ellipse_px is not None
-            matrix = factor[:, None] * outline.ellipse_px.shape_matrix * factor
-            center = (outline.ellipse_px.center + 0.5) * factor - 0.5
-            ellipse = Ellipse.from_shape_matrix(center, matrix)
-            moved.append(replace(outline, ellipse_px=ellipse, std_px=std))
-    stretched = [
-        replace(line, ends_px=(line.ends_px + 0.5) * factor - 0.5, std_px=line.std_px * mean)
-        for line in lines
-    ]
-    return moved, stretched
+    std = outline.std_px * float(np.sqrt(factor.prod()))
+    if outline.corners_px is not None:
+        corners = (outline.corners_px + 0.5) * factor - 0.5
+        return replace(outline, corners_px=corners, std_px=std)
+    assert outline.ellipse_px is not None
+    matrix = factor[:, None] * outline.ellipse_px.shape_matrix * factor
+    center = (outline.ellipse_px.center + 0.5) * factor - 0.5
+    ellipse = Ellipse.from_shape_matrix(center, matrix)
+    return replace(outline, ellipse_px=ellipse, std_px=std)
+
+
+def _scaled_line(line: LineSegment, factor: FloatArray) -> LineSegment:
+    ends = (line.ends_px + 0.5) * factor - 0.5
+    return replace(line, ends_px=ends, std_px=line.std_px * float(np.sqrt(factor.prod())))
 
 
 def _check_inside(
-    outlines: list[Outline], kept: list[int], size: tuple[int, int], thing: str
+    outlines: list[Outline], kept: list[int], size: tuple[int, int], thing: str, key: str
 ) -> None:
-    """Refuse a button that lies wholly outside the photo: the file belongs to another one."""
+    """Refuse what lies wholly outside the photo: the file belongs to another one."""
     width, height = size
     for k, outline in zip(kept, outlines, strict=True):
         x0, y0, x1, y1 = outline.box_px
         if x1 < -0.5 or y1 < -0.5 or x0 > width - 0.5 or y0 > height - 0.5:
             x, y = outline.center_px
             raise InputError(
-                f"{thing}, buttons[{k}]",
-                f"expected a button in the {width}x{height} photo, got one at ({x:.0f}, {y:.0f})",
+                f"{thing}, {key}[{k}]",
+                f"expected {key} in the {width}x{height} photo, got one at ({x:.0f}, {y:.0f})",
                 "give the outlines of this photo, in pixels of the upright photo",
             )
 
 
-def _check_together(outlines: list[Outline], kept: list[int], thing: str) -> None:
+def _check_together(outlines: list[Outline], kept: list[int], thing: str, key: str) -> None:
     """Refuse outlines that contradict each other, by their numbers in the file."""
     from fronto.pose.checks import check_outlines
 
@@ -364,5 +235,5 @@ def _check_together(outlines: list[Outline], kept: list[int], thing: str) -> Non
         check_outlines(outlines)
     except InputError as error:
         numbers = re.sub(r"\d+", lambda found: str(kept[int(found[0])]), error.thing)
-        named = numbers.replace("outlines", "buttons")
+        named = numbers.replace("outlines", key)
         raise InputError(f"{thing}, {named}", error.expected, error.remedy) from None

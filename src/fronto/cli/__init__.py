@@ -21,6 +21,7 @@ __all__ = ["main"]
 COMMANDS = (
     "rectify",
     "segment",
+    "outline",
     "camera",
     "train",
     "export",

@@ -11,19 +11,15 @@ import click
 
 from fronto.cli.formats import FORMATS, Format, check_new_folder, write_dataset
 from fronto.cli.shared import (
-    BAD_INPUT,
-    FILE,
-    NOT_OK,
-    SOME_FAILED,
-    FiniteRange,
     check_outputs,
     counted,
-    say,
+    each_photo,
+    leave,
+    segment_photo,
+    segmentation_options,
 )
-from fronto.errors import InputError
 
 if TYPE_CHECKING:
-    from fronto.engine import Engine
     from fronto.segments import Segments
     from fronto.segmentsfile import SegmentFiles
 
@@ -31,23 +27,7 @@ __all__ = ["command"]
 
 
 @click.command(name="segment", short_help="Find the buttons in photos of panels.")
-@click.argument("photos", nargs=-1, required=True, type=FILE, metavar="PHOTO...")
-@click.option("-o", "--output", required=True, type=FILE, metavar="DIR", help="Where results go.")
-@click.option(
-    "--weights", type=FILE, metavar="FILE", help="Another network, as `fronto export` writes it."
-)
-@click.option(
-    "--threads", type=click.IntRange(min=1), metavar="N", help="[default: all usable cores]"
-)
-@click.option(
-    "--min-confidence",
-    type=FiniteRange(0, 1),
-    default=0.5,
-    show_default=True,
-    metavar="P",
-    help="Leave out what is less sure.",
-)
-@click.option("--fast", is_flag=True, help="No second look at small buttons.")
+@segmentation_options
 @click.option(
     "--format",
     "formats",
@@ -81,51 +61,29 @@ def command(
     photo could be used; 3 with --strict: a photo without a button.
     """
     from fronto.engine import Engine
-    from fronto.segmentsfile import labeled_image, segment_names
+    from fronto.segmentsfile import labeled_image, segment_names, write_segments
 
     check_outputs(photos, output, segment_names, [*photos, *([weights] if weights else [])])
     for kind in formats:
         check_new_folder(output / kind)
     engine = Engine(weights, threads=threads)
-    labeled, failed, empty = [], 0, 0
-    for photo in photos:
-        try:
-            found, files = _segment(photo, output, engine, min_confidence, not fast)
-        except InputError as error:
-            say(f"Error: {error}", err=True)
-            failed += 1
-            continue
-        empty += not found.buttons
+    labeled = []
+
+    def work(photo: Path) -> tuple[bool, str]:
+        image, found = segment_photo(photo, engine, min_confidence, fast=fast)
+        name = click.format_filename(photo.name)
+        files = write_segments(
+            found, image, output, photo.stem, name=name, weights=engine.path.name
+        )
         if formats:
             labeled.append(labeled_image(found, photo))
-        if not quiet:
-            say(_verdict(click.format_filename(photo.name), found, files))
+        return bool(found.buttons), _verdict(name, found, files)
+
+    counts = each_photo(photos, work, quiet=quiet)
     if labeled:
         for kind in formats:
             write_dataset(labeled, output / kind, kind)
-    if failed:
-        ctx.exit(SOME_FAILED if failed < len(photos) else BAD_INPUT)
-    if strict and empty:
-        ctx.exit(NOT_OK)
-
-
-def _segment(
-    photo: Path, output: Path, engine: Engine, min_confidence: float, second_look: bool
-) -> tuple[Segments, SegmentFiles]:
-    from fronto.images import as_rgb
-    from fronto.segmentation import segment
-    from fronto.segmentsfile import write_segments
-
-    image = as_rgb(photo)
-    try:
-        found = segment(
-            image, engine=engine, min_confidence=min_confidence, second_look=second_look
-        )
-    except InputError as error:
-        raise InputError(f"photo {photo}, {error.thing}", error.expected, error.remedy) from None
-    name = click.format_filename(photo.name)
-    weights = engine.path.name
-    return found, write_segments(found, image, output, photo.stem, name=name, weights=weights)
+    leave(ctx, counts, strict=strict)
 
 
 def _verdict(name: str, found: Segments, files: SegmentFiles) -> str:

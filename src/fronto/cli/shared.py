@@ -1,17 +1,25 @@
-"""What the commands have in common: option types, exit codes, printing, and output folders."""
+"""What the commands have in common: options, exit codes, printing, photos, output folders."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
 from fronto.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from fronto.engine import Engine
+    from fronto.segments import Segments
 
 __all__ = [
     "BAD_INPUT",
@@ -19,13 +27,22 @@ __all__ = [
     "NOT_OK",
     "POSITIVE",
     "SOME_FAILED",
+    "Counts",
     "FiniteRange",
+    "about_photo",
     "check_outputs",
     "counted",
+    "each_photo",
+    "leave",
+    "make_folder",
     "require",
     "say",
     "say_block",
+    "segment_photo",
+    "segmentation_options",
 ]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 # Exit codes.
 SOME_FAILED, BAD_INPUT, NOT_OK = 1, 2, 3
@@ -47,6 +64,117 @@ class FiniteRange(click.FloatRange):
 
 
 POSITIVE = FiniteRange(min=0, min_open=True)
+
+
+def segmentation_options(command: Command) -> Command:
+    """Options of a command that looks for buttons: PHOTO..., -o, and those of the network."""
+    for option in (
+        click.option("--fast", is_flag=True, help="No second look at small buttons."),
+        click.option(
+            "--min-confidence",
+            type=FiniteRange(0, 1),
+            default=0.5,
+            show_default=True,
+            metavar="P",
+            help="Leave out what is less sure.",
+        ),
+        click.option(
+            "--threads",
+            type=click.IntRange(min=1),
+            metavar="N",
+            help="[default: all usable cores]",
+        ),
+        click.option(
+            "--weights",
+            type=FILE,
+            metavar="FILE",
+            help="Another network, as `fronto export` writes it.",
+        ),
+        click.option(
+            "-o",
+            "--output",
+            required=True,
+            type=FILE,
+            metavar="DIR",
+            help="Where results go.",
+        ),
+        click.argument("photos", nargs=-1, required=True, type=FILE, metavar="PHOTO..."),
+    ):
+        command = option(command)
+    return command
+
+
+def segment_photo(
+    photo: Path, engine: Engine, min_confidence: float, *, fast: bool
+) -> tuple[npt.NDArray[np.uint8], Segments]:
+    """Read a photo, (h, w, 3), RGB, and find its buttons.
+
+    Raises
+    ------
+    InputError
+        Naming the photo.
+    """
+    from fronto.images import as_rgb
+    from fronto.segmentation import segment
+
+    image = as_rgb(photo)
+    with about_photo(photo):
+        return image, segment(
+            image, engine=engine, min_confidence=min_confidence, second_look=not fast
+        )
+
+
+@contextmanager
+def about_photo(photo: Path) -> Iterator[None]:
+    """Name the photo in what is wrong with arguments made from it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"photo {photo}, {error.thing}", error.expected, error.remedy) from None
+
+
+class Counts(NamedTuple):
+    """Of photos: all, those that could not be used, those in which nothing was found."""
+
+    photos: int
+    failed: int
+    empty: int
+
+
+def each_photo(
+    photos: Sequence[Path], work: Callable[[Path], tuple[bool, str]], *, quiet: bool
+) -> Counts:
+    """Work on one photo after the other; those that cannot be used are told and passed over.
+
+    Parameters
+    ----------
+    photos
+        Their files.
+    work
+        Tells whether anything was found in a photo, and the line to print.
+    quiet
+        Print errors only.
+    """
+    failed, empty = 0, 0
+    for photo in photos:
+        try:
+            found, line = work(photo)
+        except InputError as error:
+            say(f"Error: {error}", err=True)
+            failed += 1
+            continue
+        empty += not found
+        if not quiet:
+            say(line)
+    return Counts(len(photos), failed, empty)
+
+
+def leave(ctx: click.Context, counts: Counts, *, strict: bool) -> None:
+    """Exit with the code that the photos call for; return if all is well."""
+    if counts.failed:
+        ctx.exit(SOME_FAILED if counts.failed < counts.photos else BAD_INPUT)
+    if strict and counts.empty:
+        ctx.exit(NOT_OK)
 
 
 def check_outputs(
@@ -94,6 +222,25 @@ def check_outputs(
                     f"expected a folder where results overwrite no input, got {name} in it",
                     "choose another folder",
                 )
+
+
+def make_folder(folder: Path) -> None:
+    """Make an output folder, if missing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a path"
+        raise InputError(
+            f"output folder {folder}",
+            f"expected a folder to write to, got: {reason}",
+            "choose another one",
+        ) from None
 
 
 def require(modules: Sequence[str], extra: str, purpose: str) -> None:

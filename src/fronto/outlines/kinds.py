@@ -224,8 +224,8 @@ def _chances(points: EdgePoints, errors: FloatArray) -> FloatArray:
     """
     number = np.diff(points.first) / TOGETHER
     number[points.size < TINY_PX] = 0
+    errors = np.minimum(errors, 1e6)  # no fit at all
     log = -0.5 * number[:, None] * np.log(errors + FLOOR_PX**2)
-    log[~np.isfinite(log)] = -1e9
     first = _softmax(log)
     votes = first.sum(axis=0) - first  # of all others
     common = np.log((votes + 0.5) / (votes.sum(axis=1, keepdims=True) + 1.5))
