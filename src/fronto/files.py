@@ -13,7 +13,14 @@ import msgspec
 
 from fronto.errors import InputError
 
-__all__ = ["convert_fields", "decode_json", "json_bytes", "read_bytes", "write_bytes"]
+__all__ = [
+    "convert_fields",
+    "decode_json",
+    "json_bytes",
+    "make_folder",
+    "read_bytes",
+    "write_bytes",
+]
 
 T = TypeVar("T")
 
@@ -157,3 +164,22 @@ def _field_error(error: msgspec.ValidationError, thing: str) -> InputError:
     what = re.sub(r"\b(float|int|str|bool)\b", lambda word: WORDS[word[0]], what)
     what = what[:1].lower() + what[1:]
     return InputError(f"{thing}, {field}" if field else thing, what, SEE)
+
+
+def make_folder(folder: Path) -> None:
+    """Make an output folder, if missing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a path"
+        raise InputError(
+            f"output folder {folder}",
+            f"expected a folder to write to, got: {reason}",
+            "choose another one",
+        ) from None

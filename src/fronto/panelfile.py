@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.errors import InputError
-from fronto.files import json_bytes, write_bytes
+from fronto.files import json_bytes, make_folder, write_bytes
 from fronto.results import SCHEMA, Button, Panel, PanelPose
 from fronto.shapes import Ellipse
 
@@ -116,17 +116,10 @@ def write_panel(
     folder = Path(directory)
     json_file, overlay, rectified = (folder / name for name in output_names(stem))
     drawing = draw_overlay(_eight_bit(image), panel.pose, [b.outline for b in panel.buttons])
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if panel.view is None:
+    make_folder(folder)
+    if panel.view is None:
+        with contextlib.suppress(OSError):
             rectified.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a path"
-        raise InputError(
-            f"output folder {folder}",
-            f"expected a folder to write to, got: {reason}",
-            "choose another one",
-        ) from None
     try:
         if panel.view is not None:
             write_png(rectified, panel.view.image)
@@ -191,6 +184,8 @@ def _button(button: Button) -> dict[str, Any]:
         "corner_std_px": outline.std_px,
         "odd": outline.odd,
         "truncated": outline.truncated,
+        "seen": outline.seen,
+        "shape_confidence": outline.shape_confidence,
         "rectified_corners_px": button.rectified_corners_px,
         "rectified_ellipse_px": _ellipse(button.rectified_ellipse_px),
         "rectified_center_px": button.rectified_center_px,

@@ -14,7 +14,7 @@ from fronto.categories import CATEGORIES
 from fronto.contours import level_contour
 from fronto.datasets.records import LabeledImage, LabeledObject
 from fronto.errors import InputError
-from fronto.files import json_bytes, write_bytes
+from fronto.files import json_bytes, make_folder, write_bytes
 from fronto.segments import Segment, Segments
 from fronto.shapes import FloatArray
 
@@ -152,15 +152,7 @@ def write_segments(
     json_file, instances, overlay = (folder / name for name in segment_names(stem))
     drawing = draw_segments(image, segments)
     content = json_bytes(segments_to_dict(segments, name, weights))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a path"
-        raise InputError(
-            f"output folder {folder}",
-            f"expected a folder to write to, got: {reason}",
-            "choose another one",
-        ) from None
+    make_folder(folder)
     try:
         write_png(instances, segments.instance_map().astype(np.uint16))
         write_png(overlay, drawing)

@@ -16,11 +16,11 @@ from fronto.cli.shared import (
     counted,
     each_photo,
     leave,
-    make_folder,
     segment_photo,
     segmentation_options,
 )
 from fronto.errors import InputError
+from fronto.files import make_folder
 
 if TYPE_CHECKING:
     import numpy as np

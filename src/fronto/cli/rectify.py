@@ -37,7 +37,8 @@ __all__ = ["command"]
     required=True,
     type=FILE,
     metavar="FILE|DIR",
-    help="Outlines of the buttons; a folder with <photo's stem>.json for each of several photos.",
+    help="Outlines of the buttons; a folder with <stem>.json or <stem>.outlines.json (as "
+    "`fronto outline` writes) for each of several photos.",
 )
 @click.option("-o", "--output", required=True, type=FILE, metavar="DIR", help="Where results go.")
 @click.option(
@@ -235,13 +236,20 @@ def _jobs(
             "give a folder, or one photo",
         )
     jobs = [
-        _Job(photo, outlines / f"{photo.stem}.json" if folder else outlines, output)
+        _Job(photo, _outlines_of(photo, outlines) if folder else outlines, output)
         for photo in photos
     ]
     inputs = [path for job in jobs for path in (job.photo, job.outlines)]
     inputs += [path for path in others if path is not None]
     check_outputs(photos, output, output_names, inputs)
     return jobs
+
+
+def _outlines_of(photo: Path, folder: Path) -> Path:
+    """<stem>.json, or what `fronto outline` has written."""
+    own = folder / f"{photo.stem}.outlines.json"
+    plain = folder / f"{photo.stem}.json"
+    return own if own.exists() and not plain.exists() else plain
 
 
 def _solver_arguments(options: dict[str, Any], template_file: Path | None) -> dict[str, Any]:

@@ -34,7 +34,6 @@ __all__ = [
     "counted",
     "each_photo",
     "leave",
-    "make_folder",
     "require",
     "say",
     "say_block",
@@ -222,25 +221,6 @@ def check_outputs(
                     f"expected a folder where results overwrite no input, got {name} in it",
                     "choose another folder",
                 )
-
-
-def make_folder(folder: Path) -> None:
-    """Make an output folder, if missing.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a path"
-        raise InputError(
-            f"output folder {folder}",
-            f"expected a folder to write to, got: {reason}",
-            "choose another one",
-        ) from None
 
 
 def require(modules: Sequence[str], extra: str, purpose: str) -> None:

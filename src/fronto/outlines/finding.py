@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fronto.errors import InputError
+from fronto.outlines.agreement import agreeing_orders, doubles
 from fronto.outlines.build import Measured, built
 from fronto.outlines.edges import edge_points
 from fronto.outlines.fits import intersections
@@ -18,7 +20,7 @@ from fronto.outlines.kinds import find_shapes
 from fronto.outlines.result import Outlines
 from fronto.outlines.subpixel import refine
 from fronto.segments import Segment, Segments
-from fronto.shapes import LineSegment, Outline
+from fronto.shapes import FloatArray, LineSegment, Outline, order_corners
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -158,16 +160,21 @@ def _found(
             outlines.append(result)
             sources.append(share)
         else:
-            x, y = segment.center_px
-            reasons.append(f"{segment.category} at ({x:.0f}, {y:.0f}): {result}")
-    return outlines, sources, reasons
+            reasons.append(_left_out(segment.category, segment.center_px, result))
+    twice = doubles(outlines)
+    reasons += [
+        _left_out(o.category, o.center_px, "another outline is of the same button")
+        for o in (outlines[k] for k in twice)
+    ]
+    kept = [k for k in range(len(outlines)) if k not in twice]
+    return agreeing_orders([outlines[k] for k in kept]), [sources[k] for k in kept], reasons
+
+
+def _left_out(category: str, center: Sequence[float] | FloatArray, reason: str) -> str:
+    return f"{category} at ({center[0]:.0f}, {center[1]:.0f}): {reason}"
 
 
 def _hough(segment: Segment, other: Outline) -> Outline | str:
-    from dataclasses import replace
-
-    from fronto.shapes import order_corners
-
     found = hough_corners(segment)
     if found is None:
         return "the Hough transform finds no four lines"

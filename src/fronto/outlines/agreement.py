@@ -1,0 +1,67 @@
+"""Outlines of one photo that do not contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fronto.shapes import Outline
+
+__all__ = ["agreeing_orders", "doubles"]
+
+#: Outlines whose centres are closer than this share of the smaller one are of one button.
+SAME = 0.25
+
+
+def agreeing_orders(outlines: Sequence[Outline]) -> list[Outline]:
+    """Let all quads begin at the same corner: near a roll of 45 degrees each alone may err."""
+    quads = [k for k, o in enumerate(outlines) if o.corners_px is not None]
+    result = list(outlines)
+    if len(quads) < 2:
+        return result
+    across = np.array([_across(outlines[k]) for k in quads])
+    # Directions but for quarter turns; their mean, and of its four the one nearest to +x.
+    base = np.angle((across**4).sum()) / 4
+    for k, turned in zip(quads, across, strict=True):
+        quarter = round(float(np.angle(turned) - base) / (np.pi / 2)) % 4
+        if quarter:
+            outline = outlines[k]
+            assert outline.corners_px is not None
+            top, right, bottom, left = np.roll(outline.seen, quarter).tolist()
+            result[k] = replace(
+                outline,
+                corners_px=np.roll(outline.corners_px, quarter, axis=0),
+                seen=(top, right, bottom, left),
+            )
+    return result
+
+
+def _across(outline: Outline) -> complex:
+    """Mean direction of the top and bottom sides, of length 1."""
+    c = outline.corners_px
+    assert c is not None
+    x, y = c[1] - c[0] + c[2] - c[3]
+    direction = complex(x, y)
+    return direction / max(abs(direction), 1e-12)
+
+
+def doubles(outlines: Sequence[Outline]) -> list[int]:
+    """Indices of outlines that are of a button which a surer one is of, too."""
+    if len(outlines) < 2:
+        return []
+    boxes = np.array([o.box_px for o in outlines])
+    center, size = (
+        (boxes[:, :2] + boxes[:, 2:]) / 2,
+        np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1)),
+    )
+    kept: list[int] = []
+    dropped = []
+    for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].confidence):
+        near = np.abs(center[kept] - center[k]).max(axis=1, initial=0)
+        if (near < SAME * np.minimum(size[kept], size[k])).any():
+            dropped.append(k)
+        else:
+            kept.append(k)
+    return dropped
