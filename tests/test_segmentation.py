@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fronto.categories import CATEGORIES
 from fronto.engine import Maps
 from fronto.errors import InputError
-from fronto.segmentation import segment
+from fronto.segmentation import _owned, segment
 from fronto.segments import Segment, Segments
 
 
@@ -187,3 +187,21 @@ def test_a_segment_keeps_its_own_copy() -> None:
     assert found.mask.all()
     with pytest.raises(ValueError, match="read-only"):
         found.probability[0, 0] = 0
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 20.0, 45.0])
+def test_neighbours_on_a_turned_keypad_keep_their_corners(roll_deg: float) -> None:
+    """Boxes of turned neighbours overlap; what lies in both belongs to the nearer middle."""
+    a = np.radians(roll_deg)
+    turn = np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]])
+    grid = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], float)
+    centers = 24 * grid @ turn + 60
+    reach = 11 * (abs(np.cos(a)) + abs(np.sin(a)))
+    boxes = np.hstack([centers - reach, centers + reach])
+    low = np.array([30, 30])
+    owned = _owned(boxes, 4, low, 61, 61)
+    y, x = np.mgrid[30:91, 30:91] - 60.0
+    places = np.stack([x, y], axis=-1) @ turn.T
+    assert owned[(np.abs(places) <= 11).all(axis=-1)].all()
+    neighbour = (np.abs(places - (24, 0)) <= 11).all(axis=-1)
+    assert not owned[neighbour].any()

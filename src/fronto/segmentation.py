@@ -33,6 +33,8 @@ SAME = 0.45
 EDGE_PX = 3.0
 #: How far a mask may reach beyond its box, in half sides.
 REACH = 1.15
+#: Boxes of neighbours that overlap by more than this share of their sides are of turned ones.
+TURNED = 0.06
 #: A mask must fill this share of its box: less is no button, but a flaw.
 LEAST_FILL = 0.25
 
@@ -247,17 +249,18 @@ def _owned(
     """Shape (rows, columns): pixels closer to this box's middle than to a neighbour's.
 
     Distances are in half sides, so that the border of two boxes of different size lies
-    between them; masks that touch are told apart so.
+    between them; masks that touch are told apart so. Boxes overlap where a panel is turned:
+    there the border is halfway between the middles, however these lie to each other.
     """
     x, y = low[0] + np.arange(columns), (low[1] + np.arange(rows))[:, None]
 
-    def distance(box: FloatArray) -> FloatArray:
+    def distances(box: FloatArray) -> tuple[FloatArray, FloatArray]:
         middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
-        return np.asarray(
-            np.maximum(np.abs(x - middle[0]) / half[0], np.abs(y - middle[1]) / half[1])
-        )
+        across, down = np.abs(x - middle[0]) / half[0], np.abs(y - middle[1]) / half[1]
+        return np.maximum(across, down), np.hypot(across, down)
 
-    own = distance(boxes[index])
+    box = boxes[index]
+    own, own_round = distances(box)
     owned = own <= REACH
     near = (
         (boxes[:, 0] < low[0] + columns)
@@ -266,8 +269,12 @@ def _owned(
         & (boxes[:, 3] > low[1])
     )
     near[index] = False
+    shared = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
+    sides = np.minimum(boxes[:, 2:] - boxes[:, :2], box[2:] - box[:2])
+    turned = (shared > TURNED * sides).all(axis=1)
     for k in np.flatnonzero(near):
-        owned &= own <= distance(boxes[k])
+        other, other_round = distances(boxes[k])
+        owned &= own_round <= other_round if turned[k] else own <= other
     return np.asarray(owned)
 
 
