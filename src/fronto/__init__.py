@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fronto.outlines import Outlines, outline
     from fronto.pipeline import rectify_outlines
     from fronto.pose import Template, TemplateButton, estimate_pose
+    from fronto.rectifier import Rectifier, RectifierOptions, rectify
     from fronto.results import Button, Panel, PanelPose, RectifiedView
     from fronto.segmentation import segment
     from fronto.segments import Segment, Segments
@@ -32,6 +33,8 @@ __all__ = [
     "Panel",
     "PanelPose",
     "RectifiedView",
+    "Rectifier",
+    "RectifierOptions",
     "Segment",
     "Segments",
     "Template",
@@ -43,6 +46,7 @@ __all__ = [
     "map_points",
     "order_corners",
     "outline",
+    "rectify",
     "rectify_outlines",
     "segment",
     "warp_panel",
@@ -56,6 +60,7 @@ _HOMES = {
     "fronto.outlines": ("Outlines", "outline"),
     "fronto.pipeline": ("rectify_outlines",),
     "fronto.pose": ("Template", "TemplateButton", "estimate_pose"),
+    "fronto.rectifier": ("Rectifier", "RectifierOptions", "rectify"),
     "fronto.results": ("Button", "Panel", "PanelPose", "RectifiedView"),
     "fronto.segmentation": ("segment",),
     "fronto.segments": ("Segment", "Segments"),

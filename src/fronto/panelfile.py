@@ -15,7 +15,7 @@ import numpy.typing as npt
 from fronto.errors import InputError
 from fronto.files import json_bytes, make_folder, write_bytes
 from fronto.results import SCHEMA, Button, Panel, PanelPose
-from fronto.shapes import Ellipse
+from fronto.shapes import Ellipse, Outline
 
 __all__ = ["PanelFiles", "output_names", "panel_to_dict", "panel_to_json", "write_panel"]
 
@@ -61,7 +61,7 @@ def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, 
         "homography_domain": "undistorted" if panel.pose.camera.distorted else "source",
         "rectified": None,
         "buttons": [_button(button) for button in panel.buttons],
-        "plates": [],
+        "plates": [_plate(plate) for plate in panel.plates],
         "timing_ms": {stage: round(value, 3) for stage, value in panel.timing_ms.items()},
     }
     if view is not None:
@@ -167,6 +167,18 @@ def _rotation(pose: PanelPose) -> dict[str, Any]:
         "angles_deg": pose.angles_deg if known else None,
         "std_deg": pose.std_deg if known else (None, None, None),
         "normal": pose.normal if known else None,
+    }
+
+
+def _plate(plate: Outline) -> dict[str, Any]:
+    return {
+        "corners_px": plate.corners_px,
+        "ellipse_px": _ellipse(plate.ellipse_px),
+        "box_px": plate.box_px,
+        "confidence": plate.confidence,
+        "corner_std_px": plate.std_px,
+        "label": plate.text or None,
+        "button": None,
     }
 
 

@@ -252,6 +252,8 @@ class Panel:
         Wall time of each stage and in total, milliseconds.
     notes
         Remarks on the input that do not touch the status.
+    plates
+        Outlines of the labels beside buttons, which nobody presses.
     """
 
     image: str
@@ -264,6 +266,7 @@ class Panel:
     view: RectifiedView | None = None
     timing_ms: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    plates: tuple[Outline, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON (schema ``fronto.panel/1``), strictly valid: null for NaN."""

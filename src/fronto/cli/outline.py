@@ -20,7 +20,6 @@ from fronto.cli.shared import (
     segmentation_options,
 )
 from fronto.errors import InputError
-from fronto.files import make_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,6 +94,7 @@ def _names(stem: str) -> tuple[str, str]:
 def _write(found: Outlines, image: npt.NDArray[np.uint8], output: Path, photo: Path) -> Path:
     """Write a photo's files, each in one piece, the JSON last; give the drawing's."""
     from fronto.draw_outlines import draw_outlines
+    from fronto.files import make_folder
     from fronto.imageio import write_png
     from fronto.outlinefile import write_outlines
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from fronto.cli.cameras import CameraSource
 from fronto.cli.shared import (
     BAD_INPUT,
     FILE,
@@ -16,15 +17,19 @@ from fronto.cli.shared import (
     POSITIVE,
     SOME_FAILED,
     FiniteRange,
+    about_photo,
     check_outputs,
-    counted,
+    network_options,
     say,
 )
+from fronto.cli.verdicts import all_unsure, outline_notes, verdict
 from fronto.errors import InputError
 
 if TYPE_CHECKING:
     from fronto.camera import Camera
+    from fronto.outlinefile import OutlineFile
     from fronto.panelfile import PanelFiles
+    from fronto.rectifier import Rectifier
     from fronto.results import Panel
 
 __all__ = ["command"]
@@ -34,12 +39,13 @@ __all__ = ["command"]
 @click.argument("photos", nargs=-1, required=True, type=FILE, metavar="PHOTO...")
 @click.option(
     "--outlines",
-    required=True,
     type=FILE,
     metavar="FILE|DIR",
-    help="Outlines of the buttons; a folder with <stem>.json or <stem>.outlines.json (as "
-    "`fronto outline` writes) for each of several photos.",
+    help="Outlines of the buttons, where they are known; a folder with <stem>.json or "
+    "<stem>.outlines.json (as `fronto outline` writes) for each of several photos.",
 )
+@network_options
+@click.option("--no-lines", is_flag=True, help="Do not look for lines of the panel.")
 @click.option("-o", "--output", required=True, type=FILE, metavar="DIR", help="Where results go.")
 @click.option(
     "--camera",
@@ -106,8 +112,13 @@ def command(
     ctx: click.Context,
     /,
     photos: Sequence[Path],
-    outlines: Path,
+    outlines: Path | None,
     output: Path,
+    weights: Path | None,
+    threads: int | None,
+    min_confidence: float,
+    fast: bool,
+    no_lines: bool,
     camera_file: Path | None,
     hfov: float | None,
     focal_px: float | None,
@@ -119,8 +130,9 @@ def command(
 ) -> None:
     """Turn photos of elevator button panels into head-on views.
 
-    For each PHOTO writes DIR/<stem>.json, DIR/<stem>.overlay.png and, where the outlines
-    determine a rotation, DIR/<stem>.rectified.png; prints one line with the verdict.
+    Finds the buttons by itself; or give their --outlines. For each PHOTO writes
+    DIR/<stem>.json, DIR/<stem>.overlay.png and, where the buttons determine a rotation,
+    DIR/<stem>.rectified.png; prints one line with the verdict.
 
     Exit codes: 0 done; 1 some photos could not be used, others could; 2 wrong input, or no
     photo could be used; 3 with --strict: a result is not ok.
@@ -128,7 +140,7 @@ def command(
     if sum(choice is not None for choice in (camera_file, hfov, focal_px)) > 1:
         raise click.UsageError("give one of --camera, --hfov and --focal-px")
     arguments = _solver_arguments(options, template_file)
-    jobs = _jobs(photos, outlines, output, [camera_file, template_file])
+    jobs = _jobs(photos, outlines, output, [camera_file, template_file, weights])
     if template_file is not None:
         from fronto.templatefile import read_template
 
@@ -137,18 +149,21 @@ def command(
         from fronto.camera.files import check_camera_file
 
         check_camera_file(camera_file)  # once for all photos
-    source = _CameraSource(camera_file, hfov, focal_px)
+    source = CameraSource(camera_file, hfov, focal_px)
+    finder = None
+    if outlines is None:
+        finder = _finder(weights, threads, min_confidence, fast=fast, lines=not no_lines)
     failed, not_ok = 0, 0
     for job in jobs:
         try:
-            panel, files = job.run(source, include_unsure, arguments)
+            panel, files = job.run(source, finder, include_unsure, arguments)
         except InputError as error:
             say(f"Error: {error}", err=True)
             failed += 1
             continue
         not_ok += panel.status != "ok"
         if not quiet:
-            say(_verdict(panel, files))
+            say(verdict(panel, files))
     if failed:
         ctx.exit(SOME_FAILED if failed < len(jobs) else BAD_INPUT)
     if strict and not_ok:
@@ -156,53 +171,72 @@ def command(
 
 
 @dataclass(frozen=True)
-class _CameraSource:
-    """Where the cameras of the photos come from; at most one of the three is given."""
-
-    file: Path | None
-    hfov_deg: float | None
-    focal_px: float | None
-
-    def camera(self, photo: Path, width: int, height: int) -> Camera:
-        """The camera of one photo; EXIF data and a guess where nothing is given."""
-        from fronto.camera import Camera
-
-        if self.file is not None:
-            return Camera.from_file(self.file, width, height)
-        if self.hfov_deg is not None:
-            return Camera.from_fov(self.hfov_deg, width, height)
-        if self.focal_px is not None:
-            wide = Camera.from_fov(90, width, height)
-            return replace(wide.with_focal(self.focal_px, 0.0, "given"), detail="--focal-px")
-        found: Camera | None = Camera.from_exif(photo)
-        if found is None or (found.width_px, found.height_px) != (width, height):
-            return Camera.default(width, height)
-        return found
-
-
-@dataclass(frozen=True)
 class _Job:
     """One photo, its outlines, and where its results go."""
 
     photo: Path
-    outlines: Path
+    outlines: Path | None
     output: Path
 
     def run(
-        self, source: _CameraSource, include_unsure: bool, arguments: dict[str, Any]
+        self,
+        source: CameraSource,
+        finder: Rectifier | None,
+        include_unsure: bool,
+        arguments: dict[str, Any],
     ) -> tuple[Panel, PanelFiles]:
         from fronto.imageio import read_image
-        from fronto.outlinefile import read_outlines
         from fronto.panelfile import write_panel
-        from fronto.pipeline import rectify_outlines
 
         image = read_image(self.photo)
         height, width = image.shape[:2]
-        found = read_outlines(self.outlines, width, height, include_unsure=include_unsure)
         camera = source.camera(self.photo, width, height)
+        if finder is not None:
+            panel = self._found(image, finder, camera, arguments)
+        else:
+            panel = self._given(image, camera, include_unsure, arguments)
+        return panel, write_panel(panel, image, self.output, self.photo.stem)
+
+    def _found(
+        self, image: Any, finder: Rectifier, camera: Camera, arguments: dict[str, Any]
+    ) -> Panel:
+        """Buttons that the network finds."""
+        from fronto.images import as_rgb
+        from fronto.outlinefile import OutlineFile
+        from fronto.rectifier import found_by_itself
+
+        with about_photo(self.photo):
+            outlines, notes, timing = finder.find(as_rgb(image))
+        given = OutlineFile(outlines.buttons, outlines.lines)
+        panel = found_by_itself(self._solved(image, given, camera, arguments), outlines)
+        timing = timing | panel.timing_ms
+        timing["total"] += timing["segment"] + timing["outline"]
+        return replace(panel, notes=(*notes, *panel.notes), timing_ms=timing)
+
+    def _given(
+        self, image: Any, camera: Camera, include_unsure: bool, arguments: dict[str, Any]
+    ) -> Panel:
+        """Buttons of an outlines file."""
+        from fronto.outlinefile import read_outlines
+
+        assert self.outlines is not None
+        height, width = image.shape[:2]
+        found = read_outlines(self.outlines, width, height, include_unsure=include_unsure)
+        panel = self._solved(image, found, camera, arguments)
+        panel = replace(panel, plates=found.plates)
+        if found.skipped and not found.outlines:
+            panel = all_unsure(panel, len(found.skipped))
+        return panel
+
+    def _solved(
+        self, image: Any, found: OutlineFile, camera: Camera, arguments: dict[str, Any]
+    ) -> Panel:
+        from fronto.pipeline import rectify_outlines
+
+        height, width = image.shape[:2]
         name = click.format_filename(self.photo.name)
         translation = arguments.get("translation", "none")
-        try:
+        with about_photo(self.photo):
             if translation != "none":
                 corners = _presupposed(found.outlines, width, height)
                 arguments = {**arguments, "standard_corners": corners}
@@ -210,25 +244,19 @@ class _Job:
             panel = rectify_outlines(
                 image, found.outlines, camera, image_name=name, lines=lines, **arguments
             )
-        except InputError as error:
-            thing = f"photo {self.photo}, {error.thing}"
-            raise InputError(thing, error.expected, error.remedy) from None
         unused = len(found.lines) - len(lines)
-        notes = _notes(found.image, name, len(found.skipped), unused)
-        panel = replace(panel, notes=(*panel.notes, *notes))
-        if found.skipped and not found.outlines:
-            panel = _all_unsure(panel, len(found.skipped))
-        return panel, write_panel(panel, image, self.output, self.photo.stem)
+        notes = outline_notes(found.image, name, len(found.skipped), unused)
+        return replace(panel, notes=(*panel.notes, *notes))
 
 
 def _jobs(
-    photos: Sequence[Path], outlines: Path, output: Path, others: Sequence[Path | None]
+    photos: Sequence[Path], outlines: Path | None, output: Path, others: Sequence[Path | None]
 ) -> list[_Job]:
     """Pair photos with outlines; refuse what would overwrite a result or an input."""
     from fronto.panelfile import output_names
 
-    folder = outlines.is_dir()
-    if len(photos) > 1 and not folder:
+    folder = outlines is not None and outlines.is_dir()
+    if outlines is not None and len(photos) > 1 and not folder:
         raise InputError(
             f"--outlines {outlines}",
             f"expected a folder with <stem>.json for each of {len(photos)} photos, "
@@ -236,13 +264,23 @@ def _jobs(
             "give a folder, or one photo",
         )
     jobs = [
-        _Job(photo, _outlines_of(photo, outlines) if folder else outlines, output)
+        _Job(photo, _outlines_of(photo, outlines) if outlines and folder else outlines, output)
         for photo in photos
     ]
-    inputs = [path for job in jobs for path in (job.photo, job.outlines)]
-    inputs += [path for path in others if path is not None]
+    paths = [path for job in jobs for path in (job.photo, job.outlines)]
+    inputs = [path for path in (*paths, *others) if path is not None]
     check_outputs(photos, output, output_names, inputs)
     return jobs
+
+
+def _finder(
+    weights: Path | None, threads: int | None, min_confidence: float, *, fast: bool, lines: bool
+) -> Rectifier:
+    from fronto.engine import Engine
+    from fronto.rectifier import Rectifier, RectifierOptions
+
+    options = RectifierOptions(min_confidence=min_confidence, second_look=not fast, lines=lines)
+    return Rectifier(options, engine=Engine(weights, threads=threads))
 
 
 def _outlines_of(photo: Path, folder: Path) -> Path:
@@ -286,33 +324,3 @@ def _presupposed(outlines: Sequence[Any], width: int, height: int) -> Any:
         )
     layout: Any = {2: "up_down", 3: "up_down_keyhole"}[count]
     return presupposed_corners(layout, width, height)
-
-
-def _all_unsure(panel: Panel, count: int) -> Panel:
-    """Say why there was nothing to solve, though there are outlines."""
-    subject = "the only outline is" if count == 1 else f"all {count} outlines are"
-    reasons = (f"{subject} marked unsure; --include-unsure uses {'it' if count == 1 else 'them'}",)
-    return replace(panel, reasons=reasons, pose=replace(panel.pose, reasons=reasons))
-
-
-def _notes(stated: str, name: str, skipped: int, unused: int) -> tuple[str, ...]:
-    notes = []
-    if stated and Path(stated).name != name:
-        notes.append(f"the outlines state another photo: {stated}")
-    if skipped:
-        notes.append(f"{counted(skipped, 'unsure outline')} left out")
-    if unused:
-        notes.append(f"{counted(unused, 'line')} left out: the grid search does not use them")
-    return tuple(notes)
-
-
-def _verdict(panel: Panel, files: PanelFiles) -> str:
-    parts = [panel.status + (f" ({'; '.join(panel.reasons)})" if panel.reasons else "")]
-    if panel.view is not None:
-        angles = " ".join(f"{angle:.1f}" for angle in panel.pose.angles_deg)
-        std = max(panel.pose.std_deg)
-        parts.append(f"rotation {angles} deg" + (f" ±{std:.1f}" if std == std else ""))
-    parts.append(counted(len(panel.buttons), "button"))
-    parts.append(f"camera {panel.pose.camera.source}")
-    shown = click.format_filename(files.rectified or files.overlay)
-    return f"{panel.image}: {', '.join(parts)} -> {shown}"

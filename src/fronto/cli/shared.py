@@ -34,6 +34,7 @@ __all__ = [
     "counted",
     "each_photo",
     "leave",
+    "network_options",
     "require",
     "say",
     "say_block",
@@ -65,8 +66,8 @@ class FiniteRange(click.FloatRange):
 POSITIVE = FiniteRange(min=0, min_open=True)
 
 
-def segmentation_options(command: Command) -> Command:
-    """Options of a command that looks for buttons: PHOTO..., -o, and those of the network."""
+def network_options(command: Command) -> Command:
+    """Options of a command that looks for buttons: which network, and how."""
     for option in (
         click.option("--fast", is_flag=True, help="No second look at small buttons."),
         click.option(
@@ -89,6 +90,15 @@ def segmentation_options(command: Command) -> Command:
             metavar="FILE",
             help="Another network, as `fronto export` writes it.",
         ),
+    ):
+        command = option(command)
+    return command
+
+
+def segmentation_options(command: Command) -> Command:
+    """Photos, where results go, and `network_options`."""
+    command = network_options(command)
+    for option in (
         click.option(
             "-o",
             "--output",

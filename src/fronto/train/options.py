@@ -15,22 +15,16 @@ Every field may be left out::
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
-
-import msgspec
 
 from fronto.errors import InputError
-from fronto.files import decode_json, read_bytes
+from fronto.tomlfile import read_toml
 from fronto.train.fit import FitOptions
 from fronto.train.network import NetworkOptions
 
 __all__ = ["TrainOptions", "read_options"]
 
-MAX_BYTES = 100_000
 #: Least values of whole numbers in "fit".
 LEAST = {
     "steps": 1,
@@ -99,37 +93,7 @@ def read_options(path: Path) -> TrainOptions:
     InputError
         Naming the file and the field: no TOML, an unknown field, a wrong type or value.
     """
-    thing = f"options file {path}"
-    content = read_bytes(path, thing, MAX_BYTES)
-    try:
-        values = tomllib.loads(content.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise InputError(thing, "expected UTF-8, got other bytes", "save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(thing, f"expected TOML, got: {error}", "correct it there") from None
-    _check_names(values, TrainOptions, thing, "")
-    try:
-        text = msgspec.json.encode(values)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(thing, "expected plain numbers and texts", "correct it") from None
-    return decode_json(text, TrainOptions, thing)
-
-
-def _check_names(values: Mapping[str, Any], kind: type, thing: str, prefix: str) -> None:
-    """Refuse names that are no fields: msgspec would pass over them."""
-    assert is_dataclass(kind)
-    names = [known.name for known in fields(kind)]
-    hints = get_type_hints(kind)
-    for name, value in values.items():
-        if name not in names:
-            raise InputError(
-                f"{thing}, {prefix}{name}",
-                f"expected one of {', '.join(names)}",
-                "correct the name, or leave it out",
-            )
-        inner = next((t for t in (hints[name], *get_args(hints[name])) if is_dataclass(t)), None)
-        if isinstance(inner, type) and isinstance(value, Mapping):
-            _check_names(value, inner, thing, f"{prefix}{name}.")
+    return read_toml(path, TrainOptions)
 
 
 def _check_fit(fit: FitOptions) -> None:
