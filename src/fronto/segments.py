@@ -62,6 +62,8 @@ class Segment:
             raise InputError(
                 "probability", f"expected an array (h, w), got shape {probability.shape}"
             )
+        if not np.isfinite(probability).all():
+            raise InputError("probability", "expected finite numbers, got NaN or infinity")
         probability.setflags(write=False)
         object.__setattr__(self, "probability", probability)
 

@@ -36,7 +36,8 @@ FRONTO_API int64_t fronto_edge_points(int64_t rows, int64_t columns, const uint8
                 if (here == (in && inside[r * columns + c])) continue;
                 const double before = in ? values[r * columns + c] : 0.0;
                 double share = 0.5;
-                if ((before - 0.5) * (value - 0.5) < 0) share = (0.5 - before) / (value - before);
+                if ((before - 0.5) * (value - 0.5) <= 0 && before != value)
+                    share = (0.5 - before) / (value - before);
                 out[3 * n] = down ? (double)x : (double)c + share;
                 out[3 * n + 1] = down ? (double)r + share : (double)y;
                 out[3 * n + 2] = fabs(value - before);
@@ -108,7 +109,6 @@ static int start_quad(int64_t n, const double *p, double *corner) {
 typedef struct {
     double tx, ty, mx, my, length; /* tangent, middle, length */
     double w, x, y, xx, xy, yy;    /* weighted sums */
-    double sigma;
     unsigned bins;
     double seen;
 } Side;
@@ -150,40 +150,55 @@ static void move_sides(Side *side, double *corner, double *line, double *rms, do
     for (int k = 0; k < 8; k++) corner[k] = moved[k];
 }
 
-/* Each point goes to its nearest side, if it lies along that side's central part. */
+/* Each point goes to its nearest side, if it lies along that side's central part: place (n)
+ * along the side, or NaN where it goes to none; off (n) its distance; of (n) the side. */
 static void sort_points(int64_t n, const double *p, const uint8_t *border, double size,
-                        double central, int first_round, Side *side, const double *corner) {
+                        double central, Side *side, const double *corner, int *of, double *place,
+                        double *off) {
     for (int k = 0; k < 4; k++) {
         const double *a = corner + 2 * k, *b = corner + 2 * ((k + 1) % 4);
-        const double sigma = side[k].sigma;
         Side s = {0};
         s.length = hypot(b[0] - a[0], b[1] - a[1]);
         s.tx = (b[0] - a[0]) / s.length, s.ty = (b[1] - a[1]) / s.length;
         s.mx = (a[0] + b[0]) / 2, s.my = (a[1] + b[1]) / 2;
-        s.sigma = sigma;
         side[k] = s;
     }
     for (int64_t i = 0; i < n; i++) {
-        int best = -1;
-        double nearest = FAR * size, place = 0;
+        off[i] = FAR * size, place[i] = NAN, of[i] = 0;
         if (border[i]) continue;
         for (int k = 0; k < 4; k++) {
             const Side *s = side + k;
             const double dx = p[2 * i] - s->mx, dy = p[2 * i + 1] - s->my;
             const double t = (dx * s->tx + dy * s->ty) / s->length, d = dx * s->ty - dy * s->tx;
-            if (fabs(t) <= 0.5 && fabs(d) < nearest) nearest = fabs(d), best = k, place = t;
+            if (fabs(t) <= 0.5 && fabs(d) < off[i]) off[i] = fabs(d), of[i] = k, place[i] = t;
         }
-        if (best < 0 || fabs(place) > central / 2) continue;
-        Side *s = side + best;
-        const double w = first_round ? 1.0 : biweight(nearest, s->sigma);
-        const double x = p[2 * i] - s->mx, y = p[2 * i + 1] - s->my;
-        if (w > 0) {
-            int bin = (int)((place / central + 0.5) * BINS);
-            s->bins |= 1u << (bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin);
-            s->seen += 1;
+        if (!(fabs(place[i]) <= central / 2)) place[i] = NAN;
+    }
+}
+
+/* Weighted sums of each side's points; work (n) is scratch. The first round's sides are
+ * guesses: all points count. */
+static void sum_sides(int64_t n, const double *p, double central, int first_round, Side *side,
+                      const int *of, const double *place, const double *off, double *work) {
+    for (int k = 0; k < 4; k++) {
+        Side *s = side + k;
+        int64_t own = 0;
+        for (int64_t i = 0; i < n; i++)
+            if (of[i] == k && place[i] == place[i]) work[own++] = off[i];
+        if (!own) continue;
+        const double sigma = fmax(1.4826 * select_kth(work, own, own / 2), FLOOR_PX);
+        for (int64_t i = 0; i < n; i++) {
+            if (of[i] != k || !(place[i] == place[i])) continue;
+            const double w = first_round ? 1.0 : biweight(off[i], sigma);
+            const double x = p[2 * i] - s->mx, y = p[2 * i + 1] - s->my;
+            if (w > 0) {
+                const int bin = (int)((place[i] / central + 0.5) * BINS);
+                s->bins |= 1u << (bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin);
+                s->seen += 1;
+            }
+            s->w += w, s->x += w * x, s->y += w * y;
+            s->xx += w * x * x, s->xy += w * x * y, s->yy += w * y * y;
         }
-        s->w += w, s->x += w * x, s->y += w * y;
-        s->xx += w * x * x, s->xy += w * x * y, s->yy += w * y * y;
     }
 }
 
@@ -191,11 +206,22 @@ static void sort_points(int64_t n, const double *p, const uint8_t *border, doubl
  * NaN where there is none. central (n): share of a side on which its line is fitted.
  * line (n,4,3): normal outwards and offset of the sides; side k runs from corner k to the
  * next. covered, rms, count (n,4): share of the central part with points, RMS of their
- * distances (NaN: a side without a line of its own), number. */
-FRONTO_API void fronto_fit_quads(int64_t n, const int64_t *first, const double *xy,
+ * distances (NaN: a side without a line of its own), number. Returns 0 if memory ran out. */
+FRONTO_API int fronto_fit_quads(int64_t n, const int64_t *first, const double *xy,
                                  const uint8_t *border, const double *size,
                                  const double *central, double *corner, double *line,
                                  double *covered, double *rms, double *count) {
+    int64_t most = 1;
+    for (int64_t i = 0; i < n; i++)
+        if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
+    double *place = malloc(3 * (size_t)most * sizeof *place);
+    int *of = malloc((size_t)most * sizeof *of);
+    if (!place || !of) {
+        free(place);
+        free(of);
+        return 0;
+    }
+    double *off = place + most, *work = off + most;
     for (int64_t i = 0; i < n; i++) {
         const int64_t points = first[i + 1] - first[i];
         const double *p = xy + 2 * first[i];
@@ -208,15 +234,9 @@ FRONTO_API void fronto_fit_quads(int64_t n, const int64_t *first, const double *
             continue;
         }
         for (int round = 0; round < ROUNDS; round++) {
-            sort_points(points, p, border + first[i], size[i], central[i], round == 0, side, c);
+            sort_points(points, p, border + first[i], size[i], central[i], side, c, of, place, off);
+            sum_sides(points, p, central[i], round == 0, side, of, place, off, work);
             move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
-            for (int k = 0; k < 4; k++) {
-                const double r = rms[4 * i + k];
-                double sigma = r == r ? r : FAR * size[i];
-                /* Weights shrink the RMS: what is thrown out must not be ever more. */
-                sigma = round && r == r ? fmax(1.2 * sigma, 0.0) : sigma;
-                side[k].sigma = fmax(sigma, 1.5 * FLOOR_PX);
-            }
         }
         for (int k = 0; k < 4; k++) {
             int hit = 0;
@@ -225,6 +245,9 @@ FRONTO_API void fronto_fit_quads(int64_t n, const int64_t *first, const double *
             count[4 * i + k] = side[k].seen;
         }
     }
+    free(place);
+    free(of);
+    return 1;
 }
 
 /* Robust lines offset = a + b t through the stations of n curves, NaN: none there. offset (n,k),

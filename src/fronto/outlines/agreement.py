@@ -39,11 +39,12 @@ def agreeing_orders(outlines: Sequence[Outline]) -> list[Outline]:
 
 
 def _across(outline: Outline) -> complex:
-    """Mean direction of the top and bottom sides, of length 1."""
+    """Mean direction of all sides, those that run down turned back by 90 degrees; length 1."""
     c = outline.corners_px
     assert c is not None
-    x, y = c[1] - c[0] + c[2] - c[3]
-    direction = complex(x, y)
+    along = complex(*(c[1] - c[0] + c[2] - c[3]))
+    down = complex(*(c[3] - c[0] + c[2] - c[1])) / 1j
+    direction = along / max(abs(along), 1e-12) + down / max(abs(down), 1e-12)
     return direction / max(abs(direction), 1e-12)
 
 

@@ -108,12 +108,15 @@ def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
     k = m.k
     quads = m.shapes.quads
     seen = (quads.covered[k] >= COVERED) & np.isfinite(quads.rms[k])
-    truncated = not seen.all()
-    corners = m.shapes.bounds[k] if odd else m.corners
-    if truncated and odd:
-        return "too little of it is seen"
+    corners = m.corners
+    if odd:
+        # Its rectangle bounds all of it, or it is cut.
+        if m.points.border[m.points.first[k] : m.points.first[k + 1]].any():
+            return "too little of it is seen to tell its shape"
+        corners, seen = m.shapes.bounds[k], np.ones(4, bool)
     if seen.sum() < 2:
         return "less than two of its sides are seen"
+    truncated = not seen.all()
     try:
         ordered = order_corners(corners)
     except InputError:

@@ -91,7 +91,9 @@ def outline(
             "Segments.from_masks makes them from your own masks",
         )
     started = time.perf_counter()
-    rgb = None if image is None or corners == "hough" else _photo(image, segments, order)
+    rgb = None if image is None else _photo(image, segments, order)
+    if corners == "hough":
+        rgb = None
     read = time.perf_counter()
     found = [_found(part, rgb, segments, corners) for part in (segments.buttons, segments.plates)]
     (buttons, sources, reasons), (plates, _, _) = found
@@ -145,7 +147,7 @@ def _found(
         return [], [], []
     points = edge_points(segments, photo.width_px, photo.height_px)
     shapes = find_shapes(points)
-    refined = refine(rgb, shapes, points.size)
+    refined = refine(rgb, shapes, points.size, points.blur)
     sharp = intersections(refined.lines)
     outlines, sources, reasons = [], [], []
     for k, segment in enumerate(segments):

@@ -76,7 +76,7 @@ def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     pointer = ctypes.c_void_p
     quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
-    quads.argtypes, quads.restype = [ctypes.c_int64] + [pointer] * 10, None
+    quads.argtypes, quads.restype = [ctypes.c_int64] + [pointer] * 10, ctypes.c_int
     ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 5, ctypes.c_int
     offsets = kernels.fronto_fit_offsets
     offsets.argtypes, offsets.restype = [ctypes.c_int64] * 2 + [pointer] * 5, None
@@ -115,9 +115,11 @@ def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None 
         (np.ascontiguousarray(central, np.float64), np.float64),
     )
     results = (corners, lines, covered, rms, number)
-    _kernels()[0](
+    done = _kernels()[0](
         n, *(_address(a, t) for a, t in given), *(_address(a, np.float64) for a in results)
     )
+    if not done:
+        raise MemoryError
     return Quads(*results)
 
 

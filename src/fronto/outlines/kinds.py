@@ -20,6 +20,8 @@ Kind = Literal["quad", "ellipse", "odd"]
 #: straight part; pills (whose short sides are half circles) this much longer than wide.
 RADII = np.arange(0.0, 0.78, 0.075)
 PILL = 1.3
+#: Half the length of a pill's round ends that are tried, in half its shorter sides.
+CAPS = np.array([0.7, 0.85, 1.0, 1.15, 1.3])
 #: The share of a side on which its line is fitted at first; its limits once the radius is
 #: known.
 FIRST_CENTRAL, LEAST_CENTRAL, MOST_CENTRAL = 0.6, 0.6, 0.85
@@ -33,6 +35,8 @@ ODD, ODD_PX = 0.035, 0.6
 #: Polygons stand off from their ellipse in waves: as many a turn, and this high, in radii
 #: (an octagon's are 0.031) and pixels.
 WAVES, WAVE, WAVE_PX = (3, 5, 6, 7, 8), 0.018, 0.3
+#: A side shorter than this share of the opposite one is a triangle's tip.
+POINTED = 0.35
 #: How much the other buttons of the photo say about one: as many observations.
 COMPANY = 1.5
 #: Smaller masks tell no shape, pixels.
@@ -91,6 +95,7 @@ def find_shapes(points: EdgePoints) -> Shapes:
     rms = np.sqrt(errors[np.arange(n), best])
     poor = ~(rms <= np.maximum(ODD * points.size, ODD_PX)) | (best == 2)
     poor |= (best == 1) & wavy
+    poor |= (best == 0) & _pointed(quads.corners)
     kind: tuple[Kind, ...] = tuple(
         "odd" if odd else ("quad", "ellipse")[b] for odd, b in zip(poor, best, strict=True)
     )
@@ -144,17 +149,25 @@ def _pill(points: EdgePoints, corners: FloatArray) -> tuple[FloatArray, FloatArr
         middle, reach = (low + high) / 2, (high - low) / 2
         half = _half_sides(corners)
         sides = half * reach
-        r = sides.min(axis=1)
-        x = np.abs(u - middle[owner, 0]) * half[owner, 0] - (sides[:, 0] - r)[owner]
-        y = np.abs(v - middle[owner, 1]) * half[owner, 1] - (sides[:, 1] - r)[owner]
-        outside = np.hypot(np.maximum(x, 0), np.maximum(y, 0))
-        misfit = _mean_square(points, outside + np.minimum(np.maximum(x, y), 0) - r[owner])
-        long = sides.max(axis=1) >= PILL * r
+        x = np.abs(u - middle[owner, 0]) * half[owner, 0]
+        y = np.abs(v - middle[owner, 1]) * half[owner, 1]
+        wide = sides[:, 0] >= sides[:, 1]
+        along, across = np.where(wide[owner], (x, y), (y, x))
+        long, short = sides.max(axis=1), sides.min(axis=1)
+        # Seen from the side, the ends' half circles are half ellipses.
+        cap = CAPS * short[owner, None]
+        beyond = (along[:, None] - long[owner, None] + cap) / cap
+        radial = np.hypot(beyond, across[:, None] / short[owner, None]) - 1
+        size = (cap + short[owner, None]) / 2
+        off = np.where(beyond > 0, radial * size, (across - short[owner])[:, None])
+        misfit = _mean_square(points, off)
+        misfit = np.where(np.isnan(misfit), np.inf, misfit).min(axis=1)
+        elongated = long >= PILL * short
         u4 = np.stack([low[:, 0], high[:, 0], high[:, 0], low[:, 0]], axis=1)
         v4 = np.stack([low[:, 1], low[:, 1], high[:, 1], high[:, 1]], axis=1)
         bounds = np.stack([u4, v4, np.ones_like(u4)], axis=2) @ _from_square(corners).swapaxes(1, 2)
         bounds = bounds[..., :2] / bounds[..., 2:]
-    return np.where(long, misfit, np.inf), bounds
+    return np.where(elongated, misfit, np.inf), bounds
 
 
 def _wavy(points: EdgePoints, shape: FloatArray, off: FloatArray) -> npt.NDArray[np.bool_]:
@@ -168,6 +181,7 @@ def _wavy(points: EdgePoints, shape: FloatArray, off: FloatArray) -> npt.NDArray
         root = np.sqrt(m11)
         angle = np.arctan2(y * np.sqrt(m22 - m12**2 / m11), x * root + y * m12 / root)
         wave = np.exp(1j * angle)
+        off = np.where(points.border, 0.0, np.nan_to_num(off))
         number = np.bincount(owner, minlength=n)
         high = np.zeros(n)
         for k in WAVES:
@@ -175,6 +189,13 @@ def _wavy(points: EdgePoints, shape: FloatArray, off: FloatArray) -> npt.NDArray
             height = np.bincount(owner, part.real, n) + 1j * np.bincount(owner, part.imag, n)
             high = np.fmax(high, 2 * np.abs(height) / number)
         return np.asarray(high > np.maximum(WAVE * radius, WAVE_PX))
+
+
+def _pointed(corners: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether a quad has a side so short that it is a triangle."""
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((sides < POINTED * np.roll(sides, 2, axis=1)).any(axis=1))
 
 
 def _half_sides(corners: FloatArray) -> FloatArray:

@@ -26,11 +26,10 @@ MOST_ROWS = 30_000
 ALONG = (0.0625, 0.25, 0.375, 0.25, 0.0625)
 #: A station's edge is found within this share of the reach around its curve's edge.
 NEAR = 0.35
+#: Neighbouring stations have noise in common: this many are one.
+TOGETHER = 3.5
 #: It counts if it is this strong, compared with the curve's.
 LEAST_STEP = 0.35
-#: How far from the mask's edge the photo's may be, in sizes: its deviation.
-POWER = 0.3
-MASK_SD, MASK_SD_PX = 0.01, 0.3
 #: Edges of one photo are at the same place of each button, but for this much, in sizes.
 SAME_SD, SAME_SD_PX = 0.012, 0.4
 
@@ -44,6 +43,8 @@ class Stations(NamedTuple):
         (c, k, 2): places in the photo, and unit normals pointing out of the button.
     size
         (c,): of the button that each curve belongs to, pixels.
+    off
+        (c,): how far the mask's edge may be from the photo's, a deviation, pixels.
     signed
         Whether a curve's edge steps the same way along all of it.
     """
@@ -51,6 +52,7 @@ class Stations(NamedTuple):
     xy: FloatArray
     normal: FloatArray
     size: FloatArray
+    off: FloatArray
     signed: bool
 
 
@@ -63,10 +65,14 @@ class Edges(NamedTuple):
         (c, k): distance of the edge from the station along its normal, pixels; NaN: none.
     step
         (c,): strength of the curve's edge, compared with what else is around; 1 is nothing.
+    sure
+        (c,): the edge's mean step over its deviation from station to station, as of a mean
+        (Student's t): noise has edges, too, but not the same at all stations.
     """
 
     offset: FloatArray
     step: FloatArray
+    sure: FloatArray
 
 
 def steps(
@@ -123,7 +129,7 @@ def steps(
     return np.asarray(change[:, aside:-aside, extra:-extra])
 
 
-def common_offset(strength: FloatArray, sizes: FloatArray) -> float:
+def common_offset(strength: FloatArray, off: FloatArray) -> float:
     """Where on the buttons of this photo the edge is that the masks mean, in reaches.
 
     Buttons have several edges (bezels, rings); their masks waver between them, but which of
@@ -133,16 +139,14 @@ def common_offset(strength: FloatArray, sizes: FloatArray) -> float:
     ----------
     strength
         (c, m): of the edges across each curve.
-    sizes
-        (c,): of the buttons, pixels.
+    off
+        (c,): deviation of the masks' edges, in reaches.
     """
     if not len(strength):
         return 0.0
     place = np.linspace(-1, 1, strength.shape[1])
-    share = (strength / np.maximum(strength.max(axis=1, keepdims=True), 1e-6)) ** POWER
-    reach = _reach(sizes, 0)
-    sd = np.maximum(MASK_SD * sizes, MASK_SD_PX) / reach
-    prior = np.exp(-0.5 * (place / sd[:, None]) ** 2)
+    share = strength / np.maximum(strength.max(axis=1, keepdims=True), 1e-6)
+    prior = np.exp(-0.5 * (place / off[:, None]) ** 2)
     return float(place[int((share * prior).sum(axis=0).argmax())])
 
 
@@ -164,11 +168,11 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
     strength = _strength(change, stations.signed)
     place = np.linspace(-1, 1, strength.shape[1])
     if look == 0:
-        common = common_offset(strength, stations.size)
+        common = common_offset(strength, stations.off / reach)
         sd = np.maximum(SAME_SD * stations.size, SAME_SD_PX) / reach
     else:
         common, sd = 0.0, np.full(len(reach), 0.5)
-    wanted = strength**POWER * np.exp(-0.5 * ((place - common) / sd[:, None]) ** 2)
+    wanted = strength * np.exp(-0.5 * ((place - common) / sd[:, None]) ** 2)
     rows = np.arange(len(strength))
     peak = wanted.argmax(axis=1)
     # Uphill from there to the edge itself: the wish for the common place moves its flank.
@@ -178,8 +182,12 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
         peak = np.clip(peak + around.argmax(axis=0) - 1, 0, len(place) - 1)
     found = strength[rows, peak]
     step = found / np.maximum(np.median(strength, axis=1), 1e-3)
-    offset = _station_edges(change, peak, found, stations.signed)
-    return Edges(offset * reach[:, None], np.where(found > 0.5, step, 0.0))
+    height = _heights(change, peak, stations.signed)
+    offset = _station_edges(height, peak, found)
+    at_peak = height[rows, :, peak]
+    spread = at_peak.std(axis=1) / np.sqrt(at_peak.shape[1] / TOGETHER)
+    sure = at_peak.mean(axis=1) / np.maximum(spread, 1e-6)
+    return Edges(offset * reach[:, None], np.where(found > 0.5, step, 0.0), sure)
 
 
 def _strength(change: FloatArray, signed: bool) -> FloatArray:
@@ -189,22 +197,22 @@ def _strength(change: FloatArray, signed: bool) -> FloatArray:
     return np.asarray(np.linalg.norm(change, axis=3).mean(axis=1))
 
 
-def _station_edges(
-    change: FloatArray, peak: npt.NDArray[np.intp], found: FloatArray, signed: bool
-) -> FloatArray:
+def _heights(change: FloatArray, peak: npt.NDArray[np.intp], signed: bool) -> FloatArray:
+    """(c, k, m): change along the curve's own step in colour; unsigned: of any colour."""
+    if not signed:
+        return np.asarray(np.linalg.norm(change, axis=3))
+    direction = change.mean(axis=1)[np.arange(len(change)), peak]
+    length = np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-6)
+    return np.asarray(np.einsum("ckmi,ci->ckm", change, direction / length))
+
+
+def _station_edges(height: FloatArray, peak: npt.NDArray[np.intp], found: FloatArray) -> FloatArray:
     """(c, k) place of each station's edge, in reaches; NaN where it shows none."""
-    curves, count, across, _ = change.shape
-    rows = np.arange(curves)
-    if signed:
-        direction = change.mean(axis=1)[rows, peak]
-        length = np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-6)
-        height = np.einsum("ckmi,ci->ckm", change, direction / length)
-    else:
-        height = np.linalg.norm(change, axis=3)
+    curves, count, across = height.shape
     near = np.abs(np.arange(across) - peak[:, None]) <= NEAR * ACROSS
     masked = np.where(near[:, None], height, -np.inf)
     at = np.clip(masked.argmax(axis=2), 1, across - 2)
-    i, j = rows[:, None], np.arange(count)[None]
+    i, j = np.arange(curves)[:, None], np.arange(count)[None]
     low, middle, high = height[i, j, at - 1], height[i, j, at], height[i, j, at + 1]
     bend = low - 2 * middle + high
     with np.errstate(all="ignore"):

@@ -19,10 +19,11 @@ __all__ = ["Refined", "refine"]
 ON_SIDE, MOST_SHARE, ON_ELLIPSE = 20, 0.8, 48
 #: An edge must show at this share of the stations, on one line but for this much, pixels.
 SEEN, STRAIGHT_PX = 0.5, 0.5
-#: And stand out from what is around it.
-LEAST_STEP = 1.3
-#: How far it may lie from the mask's, in sizes and pixels; and turned against it, degrees.
-AWAY, AWAY_PX, TURNED_DEG = 0.10, 1.5, 6.0
+#: And stand out from what is around it; and be more than noise (Student's t).
+LEAST_STEP, LEAST_ROUND_STEP, LEAST_SURE = 1.3, 1.5, 8.0
+#: How far the mask's edge may be off: in pixels, in blurs of its edge, and in sizes; a
+#: deviation. The photo's edge may lie this many of it away; and turned against it, degrees.
+OFF_PX, OFF_BLUR, OFF_SHARE, AWAY, TURNED_DEG = 0.3, 0.2, 0.004, 2.5, 6.0
 #: Smaller buttons have too few pixels for an edge of their own.
 LEAST_SIZE_PX = 6.0
 
@@ -55,7 +56,9 @@ class Refined:
     ellipse_from_image: npt.NDArray[np.bool_]
 
 
-def refine(image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray) -> Refined:
+def refine(
+    image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray, blur: FloatArray
+) -> Refined:
     """Move the outlines to the photo's edges where these agree with the masks.
 
     Parameters
@@ -66,7 +69,10 @@ def refine(image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray) -> 
         From the masks.
     size
         (n,): square root of each mask's area, pixels.
+    blur
+        (n,): pixels over which each mask's edge goes from 0 to 1.
     """
+    off = OFF_PX + OFF_BLUR * blur + OFF_SHARE * size
     quads, ellipses = shapes.quads, shapes.ellipses
     lines, rms = quads.lines.copy(), quads.rms.copy()
     from_image = np.zeros(rms.shape, bool)
@@ -77,12 +83,12 @@ def refine(image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray) -> 
         large = size >= LEAST_SIZE_PX
         rows = np.flatnonzero((kinds == "quad") & large & np.isfinite(quads.corners).all((1, 2)))
         if len(rows):
-            found = _sides(image, quads, shapes.radius, size, rows)
+            found = _sides(image, quads, shapes.radius, size, off, rows)
             lines[rows], rms[rows], from_image[rows] = found
         rows = np.flatnonzero((kinds == "ellipse") & large & np.isfinite(shape).all(axis=1))
         if len(rows):
             shape[rows], ellipse_rms[rows], round_from_image[rows] = _ellipses(
-                image, ellipses, size, rows
+                image, ellipses, size, off, rows
             )
     return Refined(lines, rms, from_image, shape, ellipse_rms, round_from_image)
 
@@ -92,6 +98,7 @@ def _sides(
     quads: Quads,
     radius: FloatArray,
     size: FloatArray,
+    off: FloatArray,
     rows: npt.NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     own = np.isfinite(quads.rms[rows])  # sides that are seen
@@ -100,12 +107,12 @@ def _sides(
     share = np.minimum(MOST_SHARE, 1 - radius[rows])
     good = own
     for look in (0, 1):
-        stations, t, length = _side_stations(intersections(lines), share, size[rows])
+        stations, t, length = _side_stations(intersections(lines), share, size[rows], off[rows])
         edges = find_edges(image, stations, look)
         places = np.repeat(t, 4, axis=0)
         fits = fit_offsets(edges.offset.astype(np.float64), places)
         fitted, spread, seen = (f.reshape(len(rows), 4, *f.shape[1:]) for f in fits)
-        step = edges.step.reshape(len(rows), 4)
+        step, sure = (e.reshape(len(rows), 4) for e in (edges.step, edges.sure))
         moved = _moved(lines, intersections(lines), fitted, length)
         near, turned = _compared(moved, masks, intersections(masks))
         good = (
@@ -113,7 +120,8 @@ def _sides(
             & (seen >= SEEN)
             & (spread <= np.maximum(STRAIGHT_PX, 0.012 * size[rows])[:, None])
             & (step >= LEAST_STEP)
-            & (near <= np.maximum(AWAY * size[rows], AWAY_PX)[:, None])
+            & (sure >= LEAST_SURE)
+            & (near <= AWAY * off[rows, None])
             & (turned <= TURNED_DEG)
         )
         lines = np.where(good[..., None], moved, masks)
@@ -122,7 +130,7 @@ def _sides(
 
 
 def _side_stations(
-    corners: FloatArray, share: FloatArray, size: FloatArray
+    corners: FloatArray, share: FloatArray, size: FloatArray, off: FloatArray
 ) -> tuple[Stations, FloatArray, FloatArray]:
     """Stations on all sides; their places from -1/2 to 1/2 (n, k); the sides' lengths (n, 4)."""
     along = np.roll(corners, -1, axis=1) - corners
@@ -134,7 +142,9 @@ def _side_stations(
     xy = (corners + along / 2)[:, :, None] + place[:, None, :, None] * along[:, :, None]
     n = len(corners)
     normals = np.broadcast_to(normal[:, :, None], xy.shape).reshape(4 * n, ON_SIDE, 2)
-    stations = Stations(xy.reshape(4 * n, ON_SIDE, 2), normals, np.repeat(size, 4), signed=True)
+    stations = Stations(
+        xy.reshape(4 * n, ON_SIDE, 2), normals, np.repeat(size, 4), np.repeat(off, 4), signed=True
+    )
     return stations, place, length
 
 
@@ -162,13 +172,17 @@ def _compared(
 
 
 def _ellipses(
-    image: npt.NDArray[Any], ellipses: Ellipses, size: FloatArray, rows: npt.NDArray[np.intp]
+    image: npt.NDArray[Any],
+    ellipses: Ellipses,
+    size: FloatArray,
+    off: FloatArray,
+    rows: npt.NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     masks = shape = ellipses.shape[rows]
     rms = ellipses.rms[rows]
     good = np.ones(len(rows), bool)
     for look in (0, 1):
-        stations = _round_stations(shape, size[rows])
+        stations = _round_stations(shape, size[rows], off[rows])
         edges = find_edges(image, stations, look)
         seen = np.isfinite(edges.offset)
         points = stations.xy + np.nan_to_num(edges.offset)[..., None] * stations.normal
@@ -179,8 +193,8 @@ def _ellipses(
             good
             & (seen.mean(axis=1) >= SEEN)
             & (fitted.rms <= np.maximum(STRAIGHT_PX, 0.012 * size[rows]))
-            & (edges.step >= LEAST_STEP)
-            & (near <= np.maximum(AWAY * size[rows], AWAY_PX))
+            & (edges.step >= LEAST_ROUND_STEP)
+            & (near <= AWAY * off[rows])
         )
         shape = np.where(good[:, None], fitted.shape, masks)
         rms = np.where(good, fitted.rms, ellipses.rms[rows])
@@ -194,14 +208,14 @@ def _frames(shape: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.sqrt(values)[:, None] @ vectors.swapaxes(1, 2))
 
 
-def _round_stations(shape: FloatArray, size: FloatArray) -> Stations:
+def _round_stations(shape: FloatArray, size: FloatArray, off: FloatArray) -> Stations:
     t = 2 * np.pi * np.arange(ON_ELLIPSE) / ON_ELLIPSE
     unit = np.stack([np.cos(t), np.sin(t)], axis=1)
     frame = _frames(shape)
     xy = shape[:, None, :2] + unit @ frame.swapaxes(1, 2)
     normal = unit @ np.linalg.inv(frame)  # M (p - c) up to scale
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    return Stations(xy, normal, size, signed=False)
+    return Stations(xy, normal, size, off, signed=False)
 
 
 def _apart(shape: FloatArray, other: FloatArray) -> FloatArray:
