@@ -23,6 +23,7 @@ from typing import Any, cast
 import torch
 
 from fronto.datasets.annotated import read_annotated
+from fronto.datasets.forms import with_forms
 from fronto.datasets.panels import incomplete_photos, read_panels
 from fronto.datasets.records import LabeledImage
 from fronto.datasets.refine import refine
@@ -105,7 +106,8 @@ def predictor(network: Network) -> Callable[[LabeledImage], Segments]:
 def train_photos(data: Path) -> list[LabeledImage]:
     """Without those on which many buttons have no box: they would count as background."""
     left_out = incomplete_photos("train")
-    return [i for i in read_panels(data / "panels", "train") if i.path.stem not in left_out]
+    photos = [i for i in read_panels(data / "panels", "train") if i.path.stem not in left_out]
+    return with_forms(photos)
 
 
 def sources(arm: Arm, photos: Sequence[LabeledImage]) -> list[tuple[Source, float]]:

@@ -32,7 +32,7 @@ SAME = 0.45
 #: Of a find cut by a tile's edge only a piece is seen; it lies this close to it, network pixels.
 EDGE_PX = 3.0
 #: How far a mask may reach beyond its box, in half sides.
-REACH = 1.15
+REACH = 1.3
 #: Boxes of neighbours that overlap by more than this share of their sides are of turned ones.
 TURNED = 0.06
 #: A mask must fill this share of its box: less is no button, but a flaw.

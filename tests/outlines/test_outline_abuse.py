@@ -181,7 +181,7 @@ def test_photos_of_a_few_pixels(shape):
     segments = tuple(segment(rng) for _ in range(GROUP))
     points = edge_points(segments, WIDTH, HEIGHT)
     shapes = find_shapes(points)
-    found = refine(rng.integers(0, 256, shape).astype(np.uint8), shapes, points.size)
+    found = refine(rng.integers(0, 256, shape).astype(np.uint8), shapes, points.size, points.blur)
     assert found.lines.shape == (GROUP, 4, 3)
     assert found.shape.shape == (GROUP, 5)
     assert not found.from_image[points.size < 6].any()

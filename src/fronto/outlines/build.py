@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,12 @@ COVERED = 0.6
 LEAST_ARC = 0.45
 #: Smaller masks have no outline, pixels.
 LEAST_SIZE_PX = 2.5
-#: Beyond its fit's deviation an outline is off by this: a share of the mask's blur, and of
-#: the button's size (measured on renders and on photos, see docs/outlines.md).
-MASK_BLUR, MASK_SHARE = 0.15, 0.0
-#: The same where the outline follows the photo's edge.
-EDGE_PX, EDGE_SHARE = 0.06, 0.0
+#: What the fit's own deviation does not show: pixels, and a share of the button's size. Of
+#: sharp masks little; of blurred ones, a network's, as measured on renders (docs/outlines.md),
+#: of quads and of ellipses, where they follow the mask and where they follow the photo.
+SHARP_PX, FULL_BLUR = 0.06, 3.0
+MASK_OFF = {"quad": (1.2, 0.055), "ellipse": (0.55, 0.022)}
+EDGE_OFF = {"quad": (0.5, 0.03), "ellipse": (0.4, 0.011)}
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
@@ -80,7 +81,9 @@ def _ellipse(segment: Segment, m: Measured) -> Outline | str:
         ellipse.a,
         ellipse.b,
         ellipse.angle_deg,
-        std_px=float(np.hypot(statistical, _systematic(m, float(m.refined.ellipse_from_image[k])))),
+        std_px=float(
+            np.hypot(statistical, _systematic(m, "ellipse", float(m.refined.ellipse_from_image[k])))
+        ),
         category=segment.category,
         confidence=segment.confidence,
         truncated=bool(border.any()),
@@ -96,12 +99,14 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
     return float(hit.mean())
 
 
-def _systematic(m: Measured, share: float) -> float:
+def _systematic(m: Measured, shape: Literal["quad", "ellipse"], share: float) -> float:
     """What the fit's own deviation does not show; `share` of the outline is the photo's."""
     size = float(m.points.size[m.k])
-    mask = np.hypot(MASK_BLUR * float(m.points.blur[m.k]), MASK_SHARE * size)
-    edge = np.hypot(EDGE_PX, EDGE_SHARE * size)
-    return float(np.sqrt(share * edge**2 + (1 - share) * mask**2))
+    blurred = min(max((float(m.points.blur[m.k]) - 1) / (FULL_BLUR - 1), 0.0), 1.0)
+    mask, edge = (
+        blurred * np.hypot(px, part * size) for px, part in (MASK_OFF[shape], EDGE_OFF[shape])
+    )
+    return float(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
 
 
 def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
@@ -127,7 +132,7 @@ def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
     top, right, bottom, left = (bool(s) for s in np.roll(seen, -turn))
     return Outline.quad(
         ordered,
-        std_px=float(np.hypot(std, _systematic(m, float(m.refined.from_image[k].mean())))),
+        std_px=float(np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean())))),
         category=segment.category,
         confidence=segment.confidence,
         odd=odd,

@@ -29,7 +29,10 @@ FIRST_CENTRAL, LEAST_CENTRAL, MOST_CENTRAL = 0.6, 0.6, 0.85
 #: much as any other.
 FLOOR_PX, CAP = 0.2, 0.12
 #: Neighbouring edge points err together: this many of them are one observation.
-TOGETHER = 8.0
+TOGETHER = 12.0
+#: Blurred masks have rounder squares and squarer circles: there an ellipse may fit worse by
+#: this power of e (measured, see docs/outlines.md); blurs from 1 (none) to where that is full.
+SQUARISH, FULL_BLUR = 0.5, 3.0
 #: What fits nothing better than this, in sizes (and pixels), is odd.
 ODD, ODD_PX = 0.035, 0.6
 #: Polygons stand off from their ellipse in waves: as many a turn, and this high, in radii
@@ -37,8 +40,9 @@ ODD, ODD_PX = 0.035, 0.6
 WAVES, WAVE, WAVE_PX = (3, 5, 6, 7, 8), 0.018, 0.3
 #: A side shorter than this share of the opposite one is a triangle's tip.
 POINTED = 0.35
-#: How much the other buttons of the photo say about one: as many observations.
-COMPANY = 1.5
+#: How much the other buttons of the photo say about one: as many observations, half of
+#: that where they are this few.
+COMPANY, SMALL = 3.0, 4.0
 #: Smaller masks tell no shape, pixels.
 TINY_PX = 5.0
 
@@ -88,12 +92,13 @@ def find_shapes(points: EdgePoints) -> Shapes:
     round_misfit = _mean_square(points, off)
     wavy = _wavy(points, ellipses.shape, off)
     pill_misfit, bounds = _pill(points, quads.corners)
+    blurred = np.clip((points.blur - 1) / (FULL_BLUR - 1), 0, 1)
     errors = np.stack([misfit, round_misfit, pill_misfit], axis=1)
     errors[np.isnan(errors)] = np.inf
-    chance = _chances(points, errors)
+    chance = _chances(points, errors, SQUARISH * blurred)
     best = chance.argmax(axis=1)
     rms = np.sqrt(errors[np.arange(n), best])
-    poor = ~(rms <= np.maximum(ODD * points.size, ODD_PX)) | (best == 2)
+    poor = ~(rms <= np.maximum(ODD * points.size, ODD_PX * points.blur)) | (best == 2)
     poor |= (best == 1) & wavy
     poor |= (best == 0) & _pointed(quads.corners)
     kind: tuple[Kind, ...] = tuple(
@@ -188,7 +193,7 @@ def _wavy(points: EdgePoints, shape: FloatArray, off: FloatArray) -> npt.NDArray
             part = np.nan_to_num(off * wave**k)
             height = np.bincount(owner, part.real, n) + 1j * np.bincount(owner, part.imag, n)
             high = np.fmax(high, 2 * np.abs(height) / number)
-        return np.asarray(high > np.maximum(WAVE * radius, WAVE_PX))
+        return np.asarray(high > np.maximum(WAVE * radius, WAVE_PX * points.blur))
 
 
 def _pointed(corners: FloatArray) -> npt.NDArray[np.bool_]:
@@ -236,7 +241,7 @@ def _from_square(corners: FloatArray) -> FloatArray:
     return np.asarray(unit @ np.array([[0.5, 0, 0.5], [0, 0.5, 0.5], [0, 0, 1]]))
 
 
-def _chances(points: EdgePoints, errors: FloatArray) -> FloatArray:
+def _chances(points: EdgePoints, errors: FloatArray, squarish: FloatArray) -> FloatArray:
     """Probability (n, 3) of each shape from its mean square distance.
 
     Gaussian errors of unknown size have the likelihood (mean square)^(-observations / 2).
@@ -246,11 +251,14 @@ def _chances(points: EdgePoints, errors: FloatArray) -> FloatArray:
     number = np.diff(points.first) / TOGETHER
     number[points.size < TINY_PX] = 0
     errors = np.minimum(errors, 1e6)  # no fit at all
-    log = -0.5 * number[:, None] * np.log(errors + FLOOR_PX**2)
+    log = np.log(errors + FLOOR_PX**2)
+    log[:, 1] -= squarish
+    log *= -0.5 * number[:, None]
     first = _softmax(log)
     votes = first.sum(axis=0) - first  # of all others
-    common = np.log((votes + 0.5) / (votes.sum(axis=1, keepdims=True) + 1.5))
-    return _softmax(log + COMPANY * common)
+    others = votes.sum(axis=1, keepdims=True)
+    common = np.log((votes + 0.5) / (others + 1.5))
+    return _softmax(log + COMPANY * others / (others + SMALL) * common)
 
 
 def _softmax(log: FloatArray) -> FloatArray:

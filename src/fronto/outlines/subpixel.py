@@ -81,7 +81,8 @@ def refine(
     if image is not None and len(size):
         kinds = np.array(shapes.kind)
         large = size >= LEAST_SIZE_PX
-        rows = np.flatnonzero((kinds == "quad") & large & np.isfinite(quads.corners).all((1, 2)))
+        meeting = np.isfinite(intersections(quads.lines)).all(axis=(1, 2))
+        rows = np.flatnonzero((kinds == "quad") & large & meeting)
         if len(rows):
             found = _sides(image, quads, shapes.radius, size, off, rows)
             lines[rows], rms[rows], from_image[rows] = found
@@ -124,6 +125,10 @@ def _sides(
             & (near <= AWAY * off[rows, None])
             & (turned <= TURNED_DEG)
         )
+        # Sides that meet nowhere near are none of one quad.
+        lines = np.where(good[..., None], moved, masks)
+        far = np.abs(intersections(lines) - intersections(masks)).max(axis=(1, 2))
+        good &= (far <= size[rows])[:, None]
         lines = np.where(good[..., None], moved, masks)
         rms = np.where(good, spread, quads.rms[rows])
     return lines, rms, good

@@ -64,7 +64,7 @@ class NetworkOptions:
     output_stride: int = 16
     separable: bool = True
     rates: tuple[int, int, int] = (6, 12, 18)
-    blocks: int = 17
+    blocks: int = 16
 
 
 class Maps(NamedTuple):
