@@ -385,7 +385,11 @@ def order_corners(points: npt.ArrayLike | Sequence[Sequence[float]]) -> FloatArr
     InputError
         If the points bound no convex quadrilateral.
     """
-    array = frozen_array(points, (4, 2), "corners")
+    return check_corners(upright_order(frozen_array(points, (4, 2), "corners")))
+
+
+def upright_order(array: FloatArray) -> FloatArray:
+    """`order_corners` without its checks: four points (4, 2), which may bound nothing."""
     offset = array - array.mean(axis=0)
     clockwise = array[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]), kind="stable")]
     # The upper side is the one whose outward normal points up the most: its direction,
@@ -395,4 +399,4 @@ def order_corners(points: npt.ArrayLike | Sequence[Sequence[float]]) -> FloatArr
     # Opposite sides agree on the direction; using both keeps slanted quads right.
     along = sides[:, 0] / lengths
     first = int(np.argmax(along - np.roll(along, -2)))
-    return check_corners(np.roll(clockwise, -first, axis=0))
+    return np.asarray(np.roll(clockwise, -first, axis=0))

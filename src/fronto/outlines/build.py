@@ -11,7 +11,7 @@ from fronto.outlines.edges import EdgePoints
 from fronto.outlines.kinds import TOGETHER, Shapes
 from fronto.outlines.subpixel import ON_ELLIPSE, ON_SIDE, Refined
 from fronto.segments import Segment
-from fronto.shapes import Ellipse, FloatArray, Outline, order_corners
+from fronto.shapes import Ellipse, FloatArray, Outline, upright_order
 
 __all__ = ["Measured", "built"]
 
@@ -122,24 +122,28 @@ def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
     if seen.sum() < 2:
         return "less than two of its sides are seen"
     truncated = not seen.all()
-    try:
-        ordered = order_corners(corners)
-    except InputError:
+    if not np.isfinite(corners).all():
         return "its sides bound no button"
+    ordered = upright_order(corners)
     # Where in the ordered quad each side has come to: order_corners only turns the quad.
     turn = int(np.argmin(np.linalg.norm(corners - ordered[0], axis=1)))
     std = ODD_STD * float(m.points.size[k]) if odd else _quad_std(m, seen)
     top, right, bottom, left = (bool(s) for s in np.roll(seen, -turn))
-    return Outline.quad(
-        ordered,
-        std_px=float(np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean())))),
-        category=segment.category,
-        confidence=segment.confidence,
-        odd=odd,
-        truncated=truncated,
-        seen=(top, right, bottom, left),
-        shape_confidence=float(m.shapes.confidence[k]),
-    )
+    try:
+        return Outline.quad(
+            ordered,
+            std_px=float(
+                np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean())))
+            ),
+            category=segment.category,
+            confidence=segment.confidence,
+            odd=odd,
+            truncated=truncated,
+            seen=(top, right, bottom, left),
+            shape_confidence=float(m.shapes.confidence[k]),
+        )
+    except InputError:
+        return "its sides bound no button"
 
 
 def _quad_std(m: Measured, seen: FloatArray) -> float:

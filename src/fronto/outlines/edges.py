@@ -65,10 +65,9 @@ def closed_mask(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
     import cv2
 
     inside = mask.astype(np.uint8)
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
+    shorter = min(cv2.boundingRect(inside)[2:])
+    if shorter == 0:
         return inside
-    shorter = min(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
     reach = min(int(KERNEL * shorter), MAX_KERNEL) // 2
     if reach:
         # A frame around it: at the array's border the erosion would eat, or the closing stick.
