@@ -24,10 +24,7 @@ help: ## show this list
 
 demo: $(VENV)/.stamp-core ## rectify the example photos into out/demo
 	@mkdir -p out/demo
-	@for name in hall car; do \
-	  $(BIN)/fronto rectify examples/$$name.png --outlines examples/$$name.outlines.json \
-	    --camera examples/camera.yaml -o out/demo; \
-	done
+	@$(BIN)/fronto rectify examples/hall.png examples/car.png --camera examples/camera.yaml -o out/demo
 	@echo "Head-on views: out/demo/*.rectified.png; what was found: out/demo/*.overlay.png, *.json"
 
 test: $(VENV)/.stamp-$(DEV) ## run the tests
@@ -52,6 +49,7 @@ figures: $(VENV)/.stamp-core ## render the examples and the documents' pictures 
 	$(BIN)/python tools/make_examples.py examples
 	$(BIN)/python tools/make_readme_figure.py docs/images/before_after.png
 	$(BIN)/python tools/make_segment_figure.py docs/images/segmentation.png
+	$(BIN)/python tools/make_outline_figure.py docs/images/outlines.png
 
 clean: ## remove everything that these targets have made
 	rm -rf $(VENV) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -31,9 +31,11 @@ def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_python_runs_as_written(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (code,) = blocks("python")
-    exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
-    status, x, y, z = re.findall(r"^(\w+) \((\S+), (\S+), (\S+)\)", capsys.readouterr().out)[0]
+    for code in blocks("python"):
+        exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
+    status, x, y, z = re.findall(
+        r"^(\w+) \(([-.\d]+), ([-.\d]+), ([-.\d]+)\)", capsys.readouterr().out, re.MULTILINE
+    )[-1]
     assert status == "ok"
     # The angles that the example was rendered with.
     assert [float(x), float(y), float(z)] == pytest.approx([18, -34, 7], abs=1)
