@@ -11,8 +11,12 @@ import ctypes
 import functools
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["library"]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["address", "library"]
 
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
@@ -35,3 +39,10 @@ def library() -> ctypes.CDLL:
             "install the package (pip install . or pip install -e .), do not run it from "
             "a bare source tree"
         ) from error
+
+
+def address(array: npt.NDArray[Any], dtype: type) -> int:
+    """Where an array's values are, for the compiled side, which trusts their type and order."""
+    assert array.flags.c_contiguous
+    assert array.dtype == dtype
+    return int(array.ctypes.data)

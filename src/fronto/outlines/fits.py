@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fronto.native import library
+from fronto.native import address, library
 from fronto.outlines.edges import EdgePoints
 from fronto.shapes import FloatArray
 
@@ -83,13 +83,6 @@ def _kernels() -> tuple[Any, Any, Any]:
     return quads, ellipses, offsets
 
 
-def _address(array: npt.NDArray[Any], dtype: type) -> int:
-    # The compiled side trusts these two.
-    assert array.flags.c_contiguous
-    assert array.dtype == dtype
-    return int(array.ctypes.data)
-
-
 def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None = None) -> Quads:
     """Fit a quad to the edge points of each mask, each side by its own line.
 
@@ -116,7 +109,7 @@ def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None 
     )
     results = (corners, lines, covered, rms, number)
     done = _kernels()[0](
-        n, *(_address(a, t) for a, t in given), *(_address(a, np.float64) for a in results)
+        n, *(address(a, t) for a, t in given), *(address(a, np.float64) for a in results)
     )
     if not done:
         raise MemoryError
@@ -145,9 +138,9 @@ def fit_ellipses(
     xy = np.ascontiguousarray(xy, np.float64)
     done = _kernels()[1](
         n,
-        _address(first, np.int64),
-        _address(xy, np.float64),
-        *(_address(a, np.float64) for a in (shape, rms, inverse)),
+        address(first, np.int64),
+        address(xy, np.float64),
+        *(address(a, np.float64) for a in (shape, rms, inverse)),
     )
     if not done:
         raise MemoryError
@@ -171,7 +164,7 @@ def fit_offsets(offset: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArr
     assert k <= MOST_STATIONS
     line, rms, seen = np.empty((n, 2)), np.empty(n), np.empty(n)
     arrays = (np.ascontiguousarray(offset), np.ascontiguousarray(t), line, rms, seen)
-    _kernels()[2](n, k, *(_address(a, np.float64) for a in arrays))
+    _kernels()[2](n, k, *(address(a, np.float64) for a in arrays))
     return line, rms, seen
 
 

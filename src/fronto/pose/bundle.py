@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.native import library
+from fronto.native import address, library
 from fronto.shapes import FloatArray
 
 __all__ = ["Model", "Observations", "Solution", "back_project", "depth_one", "evaluate", "solve"]
@@ -62,12 +62,12 @@ class Observations:
         """Where the arrays are: kind, observed, inverse_sd, axis, segment, line_isd."""
         d, i = np.float64, np.intc
         return (
-            _address(self.kind, i),
-            _address(self.observed, d),
-            _address(self.inverse_sd, d),
-            _address(self.axis, i),
-            _address(self.segment, d),
-            _address(self.line_isd, d),
+            address(self.kind, i),
+            address(self.observed, d),
+            address(self.inverse_sd, d),
+            address(self.axis, i),
+            address(self.segment, d),
+            address(self.line_isd, d),
         )
 
 
@@ -228,13 +228,6 @@ def _kernels() -> tuple[Any, Any, Any]:
     return run, cost, project
 
 
-def _address(array: npt.NDArray[Any], dtype: type) -> int:
-    # The compiled side trusts these two.
-    assert array.flags.c_contiguous
-    assert array.dtype == dtype
-    return int(array.ctypes.data)
-
-
 def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -> _Problem:
     d, i = np.float64, np.intc
     kind, observed, inverse_sd, axis, segment, line_isd = seen.addresses
@@ -247,15 +240,15 @@ def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -
         kind,
         observed,
         inverse_sd,
-        _address(model.group, i),
-        _address(model.tie_index, i),
-        _address(model.tie_coef, d),
-        _address(model.tie_isd, d),
+        address(model.group, i),
+        address(model.tie_index, i),
+        address(model.tie_coef, d),
+        address(model.tie_isd, d),
         axis,
         segment,
         line_isd,
-        _address(model.square_isd, d),
-        _address(model.size_scale, d),
+        address(model.square_isd, d),
+        address(model.size_scale, d),
         model.size_isd,
         model.scale_latent,
         model.focal_isd,
