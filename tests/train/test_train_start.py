@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,4 +108,6 @@ def test_a_single_array(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not SHARED.is_file(), reason="the shared starting weights are not here")
 def test_the_shared_weights() -> None:
-    assert load_backbone(Network(SMALL), SHARED) == 255
+    # Five arrays a convolution: of the stem, two in the first block, three in each other one.
+    assert load_backbone(Network(SMALL), SHARED) == 5 * (1 + 2 + 3 * 15)
+    assert load_backbone(Network(replace(SMALL, blocks=17)), SHARED) == 5 * (1 + 2 + 3 * 16)
