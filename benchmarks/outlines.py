@@ -316,7 +316,7 @@ def targets(
         Target("drawn circles, radius ≥ 10 px: centre and axes", max(rounds), 0.15, True, ".2f",
                " px"),
         Target("renders through the network: median corner RMS", median, 0.6, True, ".2f", " px"),
-        Target("the same: normalised residuals of quads", honest(e.normalised), 1.4, True, ".2f"),
+        Target("the same: normalised residuals of quads, RMS without the worst tenth", honest(e.normalised), 1.4, True, ".2f"),
         Target("the same, of ellipses", honest(e.ellipses_normalised), 1.4, True, ".2f"),
         Target("annotated photos: median corner RMS, of the side",
                100 * float(np.median(photos["photo"].relative)) if photos else nan, 6, True, ".1f",

@@ -25,8 +25,8 @@ LEAST_SIZE_PX = 2.5
 #: sharp masks little; of blurred ones, a network's, as measured on renders (docs/outlines.md),
 #: of quads and of ellipses, where they follow the mask and where they follow the photo.
 SHARP_PX, FULL_BLUR = 0.06, 3.0
-MASK_OFF = {"quad": (1.2, 0.055), "ellipse": (0.55, 0.022)}
-EDGE_OFF = {"quad": (0.5, 0.03), "ellipse": (0.4, 0.011)}
+MASK_OFF = {"quad": (1.35, 0.063), "ellipse": (0.55, 0.022)}
+EDGE_OFF = {"quad": (0.6, 0.035), "ellipse": (0.4, 0.011)}
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
