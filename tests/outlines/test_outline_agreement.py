@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fronto.outlines.agreement import agreeing_orders, doubles
+from fronto.outlines.agreement import agreeing_orders, at_odds, doubles
 from fronto.pose.checks import check_outlines
 from fronto.shapes import Outline, order_corners
 
@@ -58,3 +58,12 @@ def test_of_two_outlines_of_one_button_the_surer_stays() -> None:
     ]
     assert sorted(doubles(outlines)) == [0, 3]
     assert doubles(outlines[1:3]) == doubles(outlines[:1]) == doubles([]) == []
+
+
+def test_a_quad_that_runs_another_way_is_told() -> None:
+    straight = [Outline.quad(turned_square(40.0 * k, 0, 5)) for k in range(4)]
+    skewed = Outline.quad([(200, 0), (205, 30), (195, 60), (190, 30)])  # a sliver, on its tip
+    outlines = [*straight[:2], skewed, *straight[2:], Outline.ellipse(0, 80, 9, 8)]
+    assert at_odds(outlines) == [2]
+    check_outlines([o for k, o in enumerate(outlines) if k != 2])
+    assert at_odds(straight) == at_odds(straight[:1]) == []

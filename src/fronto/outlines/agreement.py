@@ -9,8 +9,10 @@ import numpy as np
 
 from fronto.shapes import Outline
 
-__all__ = ["agreeing_orders", "doubles"]
+__all__ = ["agreeing_orders", "at_odds", "doubles"]
 
+#: Rows of one panel do not run further apart than this; `estimate_pose` refuses 60 degrees.
+APART_RAD = np.radians(50.0)
 #: Outlines whose centres are closer than this share of the smaller one are of one button.
 SAME = 0.25
 
@@ -46,6 +48,19 @@ def _across(outline: Outline) -> complex:
     down = complex(*(c[3] - c[0] + c[2] - c[1])) / 1j
     direction = along / max(abs(along), 1e-12) + down / max(abs(down), 1e-12)
     return direction / max(abs(direction), 1e-12)
+
+
+def at_odds(outlines: Sequence[Outline]) -> list[int]:
+    """Indices of quads whose rows run another way than those of most others."""
+    quads = [k for k, o in enumerate(outlines) if o.corners_px is not None]
+    if len(quads) < 2:
+        return []
+    corners = np.array([outlines[k].corners_px for k in quads])
+    x, y = (corners[:, 1] - corners[:, 0] + corners[:, 2] - corners[:, 3]).T
+    turn = np.arctan2(y, x)
+    apart = np.abs((turn[:, None] - turn + np.pi) % (2 * np.pi) - np.pi)
+    reference = int((apart < APART_RAD).sum(axis=1).argmax())
+    return [k for k, off in zip(quads, apart[reference], strict=True) if off > APART_RAD]
 
 
 def doubles(outlines: Sequence[Outline]) -> list[int]:

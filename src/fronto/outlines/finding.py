@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.errors import InputError
-from fronto.outlines.agreement import agreeing_orders, doubles
+from fronto.outlines.agreement import agreeing_orders, at_odds, doubles
 from fronto.outlines.build import Measured, built
 from fronto.outlines.edges import edge_points
 from fronto.outlines.fits import intersections
@@ -169,7 +169,14 @@ def _found(
         for o in (outlines[k] for k in twice)
     ]
     kept = [k for k in range(len(outlines)) if k not in twice]
-    return agreeing_orders([outlines[k] for k in kept]), [sources[k] for k in kept], reasons
+    outlines, sources = agreeing_orders([outlines[k] for k in kept]), [sources[k] for k in kept]
+    strange = at_odds(outlines)
+    reasons += [
+        _left_out(o.category, o.center_px, "its sides run another way than the others'")
+        for o in (outlines[k] for k in strange)
+    ]
+    kept = [k for k in range(len(outlines)) if k not in strange]
+    return [outlines[k] for k in kept], [sources[k] for k in kept], reasons
 
 
 def _left_out(category: str, center: Sequence[float] | FloatArray, reason: str) -> str:
