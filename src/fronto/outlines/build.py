@@ -35,7 +35,17 @@ AT_END = 1 + 12 * (0.5 / 0.8) ** 2
 
 
 class Measured(NamedTuple):
-    """All that was fitted to the mask k of a photo."""
+    """All that was fitted to the mask k of a photo.
+
+    Parameters
+    ----------
+    k
+        Index of the mask.
+    points, shapes, refined
+        Of all masks of the photo.
+    corners
+        (4, 2) pixels: where the refined sides of mask k meet; NaN or infinite where they do not.
+    """
 
     k: int
     points: EdgePoints

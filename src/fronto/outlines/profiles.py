@@ -13,14 +13,15 @@ import numpy.typing as npt
 
 from fronto.shapes import FloatArray
 
-__all__ = ["REACHES", "Edges", "Stations", "common_offset", "find_edges", "steps"]
+__all__ = ["Edges", "Stations", "common_offset", "find_edges", "steps"]
 
-#: Samples across a curve on either side, and along it.
+#: Samples across a curve, on either side of it.
 ACROSS = 12
 #: First look and closer look: reach across, in sizes of the button; and at least, pixels.
 REACHES = ((0.13, 3.0), (0.05, 3.0))
 #: Derivative of a Gaussian whose deviation is this many samples (Canny, PAMI 8, 1986).
 BLURS = (1.5, 3.5)
+#: OpenCV's remap takes maps of less than 32768 rows.
 MOST_ROWS = 30_000
 #: Weights of neighbouring stations.
 ALONG = (0.0625, 0.25, 0.375, 0.25, 0.0625)
@@ -103,7 +104,6 @@ def steps(
     ).astype(np.float32)
     curves, count, across = places.shape[:3]
     x, y = np.ascontiguousarray(places.reshape(curves * count, across, 2).transpose(2, 0, 1))
-    # OpenCV's maps have at most 32767 rows.
     parts = [
         cv2.remap(
             image,
