@@ -91,7 +91,8 @@ def test_stages_can_be_replaced(camera: fronto.Camera) -> None:
         plate = fronto.Outline.quad(square + np.array([300, 0]), category="plate")
         return Outlines(800, 600, quads, (plate,), left_out=("one",))
 
-    panel = fronto.Rectifier(camera=camera, segment=segment, outline=outline)(HALL)
+    options = fronto.RectifierOptions(rectified_look=False)
+    panel = fronto.Rectifier(options, camera=camera, segment=segment, outline=outline)(HALL)
     assert seen == [(600, 800, 3)]
     assert len(panel.buttons) == 9
     assert np.degrees(np.arccos(panel.pose.normal[2])) < 2

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 import fronto
-from fronto.draw import draw_before_after
+from fronto.draw_before_after import draw_before_after
 from fronto.outlinefile import read_outlines
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -25,11 +25,10 @@ def before_after(name: str) -> np.ndarray:
     height, width = photo.shape[:2]
     camera = fronto.Camera.from_file(EXAMPLES / "camera.yaml", width, height)
     outlines = read_outlines(EXAMPLES / f"{name}.outlines.json").outlines
-    pose = fronto.estimate_pose(outlines, camera)
-    view = fronto.warp_panel(photo, camera, pose, margin=0.62, scale=1.5)
     # The buttons say themselves what they are; names beside them would cover others.
     outlines = [replace(outline, category="", text="") for outline in outlines]
-    return draw_before_after(photo, view, pose, outlines)
+    panel = fronto.rectify_outlines(photo, outlines, camera, margin=0.62, scale=1.5)
+    return draw_before_after(photo, panel)
 
 
 def main(path: Path) -> None:

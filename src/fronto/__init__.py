@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from fronto.outlines import Outlines, outline
     from fronto.pipeline import rectify_outlines
     from fronto.pose import Template, TemplateButton, estimate_pose
-    from fronto.rectifier import Rectifier, RectifierOptions, rectify
+    from fronto.rectifier import Rectifier, rectify
+    from fronto.rectifieroptions import RectifierOptions
     from fronto.results import Button, Panel, PanelPose, RectifiedView
     from fronto.segmentation import segment
     from fronto.segments import Segment, Segments
@@ -60,7 +61,8 @@ _HOMES = {
     "fronto.outlines": ("Outlines", "outline"),
     "fronto.pipeline": ("rectify_outlines",),
     "fronto.pose": ("Template", "TemplateButton", "estimate_pose"),
-    "fronto.rectifier": ("Rectifier", "RectifierOptions", "rectify"),
+    "fronto.rectifier": ("Rectifier", "rectify"),
+    "fronto.rectifieroptions": ("RectifierOptions",),
     "fronto.results": ("Button", "Panel", "PanelPose", "RectifiedView"),
     "fronto.segmentation": ("segment",),
     "fronto.segments": ("Segment", "Segments"),

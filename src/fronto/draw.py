@@ -1,4 +1,4 @@
-"""Pictures for people: what was found in a photo, and the photo beside its head-on view.
+"""Pictures for people: what was found in a photo, and how far to trust it.
 
 Drawings show the status loudly: a result that is not "ok" has a frame and a banner in
 another colour, so that nobody takes it for a good one.
@@ -27,10 +27,21 @@ from fronto.drawing import (
     write_names,
     write_text,
 )
-from fronto.results import PanelPose, RectifiedView, Status
-from fronto.shapes import Outline
+from fronto.results import PanelPose, Status
+from fronto.shapes import FloatArray, Outline
+from fronto.warp.polygon import photo_outline
 
-__all__ = ["draw_before_after", "draw_overlay"]
+__all__ = [
+    "STATUS",
+    "UNDETERMINED",
+    "X_AXIS",
+    "Y_AXIS",
+    "category_colors",
+    "draw_frame",
+    "draw_overlay",
+    "pose_words",
+    "printable",
+]
 
 X_AXIS: Color = (255, 40, 40)
 Y_AXIS: Color = (40, 220, 40)
@@ -51,19 +62,23 @@ STATUS: dict[Status, tuple[Color, str]] = {
 }
 #: Their rotation is a placeholder: neither axes nor angles may be shown.
 UNDETERMINED: tuple[Status, ...] = ("degenerate", "no_buttons")
-CHECKER: tuple[int, int] = (150, 190)
-GAP_GREY = 230
+#: Around the banner's words, and from line to line, pixels of a 640 px wide photo.
+PAD, STEP = 8, 16
+HORIZON: Color = (250, 250, 250)
+#: Points along a horizon, which the lens may bend.
+ALONG = 97
 
 
 def draw_overlay(
     image_rgb: npt.NDArray[Any], pose: PanelPose, outlines: Sequence[Outline]
 ) -> Picture:
-    """Draw outlines, the panel's axes and the verdict on a copy of the photo.
+    """Draw outlines, the panel's axes, its horizon and the verdict on a copy of the photo.
 
     Each outline has its category's colour, its text (else its category) beside it, and dots at
     its corners, the first one large. At the buttons' centroid red points along the panel's
-    rows (x) and green down its columns (y), unless the rotation is not determined. Texts are
-    ASCII; other signs become "?".
+    rows (x) and green down its columns (y), and where the photo reaches it, a white line is
+    the panel's horizon (the vanishing line of its plane), unless the rotation is not
+    determined. Texts are ASCII; other signs become "?".
 
     Parameters
     ----------
@@ -85,70 +100,56 @@ def draw_overlay(
     """
     canvas = rgb_canvas(image_rgb)
     unit = unit_of(canvas)
-    categories = sorted({outline.category for outline in outlines})
-    colors = [PALETTE[categories.index(o.category) % len(PALETTE)] for o in outlines]
+    colors = category_colors(outlines)
     for outline, color in zip(outlines, colors, strict=True):
         _draw_outline(canvas, outline, color, unit)
     names = [outline.text or outline.category for outline in outlines]
     boxes = [outline.box_px for outline in outlines]
     write_names(canvas, names, boxes, colors, unit, gap=4 * unit, first="beside")
     _draw_axes(canvas, pose, unit)
-    _draw_frame(canvas, pose, unit)
-    _draw_banner(canvas, pose, unit)
+    draw_frame(canvas, pose, unit)
+    lines = _banner_lines(canvas, pose, unit)
+    _draw_horizon(canvas, pose, unit, _banner_size(lines, unit))
+    _draw_banner(canvas, pose, unit, lines)
     return canvas
 
 
-def draw_before_after(
-    photo: npt.NDArray[Any],
-    view: RectifiedView | None,
-    pose: PanelPose,
-    outlines: Sequence[Outline],
-) -> Picture:
-    """Draw the photo with its overlay and, to the right, the rectified picture.
+def category_colors(outlines: Sequence[Outline]) -> list[Color]:
+    """A colour for each outline, the same for those of one category."""
+    categories = sorted({outline.category for outline in outlines})
+    return [PALETTE[categories.index(o.category) % len(PALETTE)] for o in outlines]
 
-    Parameters
-    ----------
-    photo
-        As of :func:`draw_overlay`.
-    view
-        The head-on view, scaled here to fit the photo's height and width; a checkered
-        ground shows where it is transparent. None (where no pose was found) leaves the
-        ground empty.
-    pose, outlines
-        As of :func:`draw_overlay`.
 
-    Returns
-    -------
-    Shape (h, w', 3), uint8, RGB, of the photo's height.
+def draw_frame(canvas: Picture, pose: PanelPose, unit: float) -> None:
+    """Frame the picture in the status' colour, unless it is ok."""
+    if pose.status == "ok":
+        return
+    color, _ = STATUS[pose.status]
+    thick = max(1, round(5 * unit))
+    for edge in (canvas[:thick], canvas[-thick:], canvas[:, :thick], canvas[:, -thick:]):
+        edge[:] = color
 
-    Raises
-    ------
-    InputError
-        If the photo is not uint8 with 1 or 3 channels.
-    """
-    import cv2
 
-    before = draw_overlay(photo, pose, outlines)
-    height, width = before.shape[:2]
-    unit = unit_of(before)
-    if view is None:
-        after = _checker(height, width, unit)
-    else:
-        factor = min(height / view.height_px, width / view.width_px)
-        size = (max(1, round(factor * view.width_px)), max(1, round(factor * view.height_px)))
-        smooth = cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR
-        # Premultiplied, so that the transparent part's black does not bleed in.
-        scaled = cv2.resize(_premultiplied(view.image), size, interpolation=smooth)
-        ground = _checker(height, size[0], unit)
-        top = (height - size[1]) // 2
-        part = ground[top : top + size[1]].astype(np.float32)
-        blended = scaled[..., :3] * 255.0 + part * (1.0 - scaled[..., 3:])
-        ground[top : top + size[1]] = np.clip(np.rint(blended), 0, 255).astype(np.uint8)
-        after = ground
-    gap = np.full((height, max(4, round(8 * unit)), 3), GAP_GREY, np.uint8)
-    both: Picture = np.ascontiguousarray(np.concatenate([before, gap, after], axis=1))
-    _draw_frame(both, pose, unit)
-    return both
+def pose_words(pose: PanelPose) -> list[str]:
+    """The rotation with its deviations, and σ: of its least sure angle, and of a corner."""
+    if pose.status in UNDETERMINED or not np.isfinite(pose.rotation).all():
+        return ["rotation not determined"]
+    known = np.isfinite(pose.covariance).all()
+    stds = pose.std_deg if known else (np.nan,) * 3
+    parts = [
+        f"{axis} {angle:+.1f}" + (f" +- {std:.1f}" if np.isfinite(std) else " +- ?")
+        for axis, angle, std in zip("xyz", pose.angles_deg, stds, strict=True)
+    ]
+    sigma = [f"{max(stds):.2g} deg"] if known else []
+    if pose.sigma_px is not None and np.isfinite(pose.sigma_px):
+        sigma.append(f"{pose.sigma_px:.2g} px at the corners")
+    words = [f"rotation {', '.join(parts)} deg"]
+    return [*words, f"sigma {', '.join(sigma)}"] if sigma else words
+
+
+def printable(text: str) -> str:
+    """The text with the signs that reasons and notes have beyond ASCII spelt out."""
+    return text.replace("±", "+- ").replace("°", " deg").replace("σ", "sigma")
 
 
 def _draw_outline(canvas: Picture, outline: Outline, color: Color, unit: float) -> None:
@@ -193,54 +194,73 @@ def _draw_axes(canvas: Picture, pose: PanelPose, unit: float) -> None:
             )
 
 
-def _draw_frame(canvas: Picture, pose: PanelPose, unit: float) -> None:
-    """Frame the picture in the status' colour, unless it is ok."""
-    if pose.status == "ok":
+def _draw_horizon(canvas: Picture, pose: PanelPose, unit: float, banner: tuple[int, int]) -> None:
+    """Draw the vanishing line of the panel's plane, where the photo shows it."""
+    line = _horizon(pose)
+    if line is None:
         return
-    color, _ = STATUS[pose.status]
-    thick = max(1, round(5 * unit))
-    for edge in (canvas[:thick], canvas[-thick:], canvas[:, :thick], canvas[:, -thick:]):
-        edge[:] = color
+    # Named where the banner, this wide and high, does not cover it.
+    free = line[(line >= banner).any(axis=1)]
+    if not len(free):
+        return
+    polylines(canvas, [line], False, HORIZON, max(1, round(unit)))
+    x, y = (float(value) for value in free[len(free) // 2])
+    across, down = np.abs(line[-1] - line[0])
+    write_names(
+        canvas,
+        ["", "horizon"],
+        [(0.0, 0.0, float(banner[0]), float(banner[1])), (x, y, x, y)],
+        [HORIZON, HORIZON],
+        unit,
+        gap=6 * unit,
+        first="above" if across > down else "beside",
+    )
 
 
-def _draw_banner(canvas: Picture, pose: PanelPose, unit: float) -> None:
-    color, words = STATUS[pose.status]
+def _horizon(pose: PanelPose) -> FloatArray | None:
+    """Points (n, 2) of the photo along the panel's horizon, None where it shows none of it.
+
+    The third row of any rectifying homography, R[2] K⁻¹, is that line in undistorted pixels.
+    """
+    if pose.status in UNDETERMINED or not np.isfinite(pose.rotation).all():
+        return None
+    line = pose.rotation[2] @ np.linalg.inv(pose.camera.matrix)
+    polygon = photo_outline(pose.camera)
+    height = polygon @ line[:2] + line[2]
+    cuts = [
+        polygon[i - 1] + height[i - 1] / (height[i - 1] - height[i]) * (polygon[i] - polygon[i - 1])
+        for i in range(len(polygon))
+        if (height[i] >= 0) != (height[i - 1] >= 0)
+    ]
+    if len(cuts) != 2:
+        return None
+    straight = cuts[0] + np.linspace(0, 1, ALONG)[:, None] * (cuts[1] - cuts[0])
+    bent = pose.camera.distort_points(straight)
+    bent = bent[np.isfinite(bent).all(axis=1)]
+    return bent if len(bent) > 1 else None
+
+
+def _banner_lines(canvas: Picture, pose: PanelPose, unit: float) -> list[str]:
+    _, words = STATUS[pose.status]
     # A line of digits is wider than one of words.
     digits = text_size("0" * 20, unit)[0] / 20
     letters = max(12, int((canvas.shape[1] - 16 * unit) / max(1.0, digits)))
-    lines = [words, _rotation_words(pose), *pose.reasons]
-    wrapped = [part for line in lines for part in textwrap.wrap(line, letters)]
-    pad, step = round(8 * unit), round(16 * unit)
-    wide = max(text_size(line, unit)[0] for line in wrapped) + 2 * pad
-    box = canvas[: step * len(wrapped) + 2 * pad, :wide]
+    lines = [words, *pose_words(pose), *map(printable, pose.reasons)]
+    return [part for line in lines for part in textwrap.wrap(line, letters)]
+
+
+def _banner_size(lines: Sequence[str], unit: float) -> tuple[int, int]:
+    """Width and height."""
+    wide = max(text_size(line, unit)[0] for line in lines)
+    return wide + 2 * round(PAD * unit), round(STEP * unit) * len(lines) + 2 * round(PAD * unit)
+
+
+def _draw_banner(canvas: Picture, pose: PanelPose, unit: float, lines: Sequence[str]) -> None:
+    color, _ = STATUS[pose.status]
+    pad, step = round(PAD * unit), round(STEP * unit)
+    wide, high = _banner_size(lines, unit)
+    box = canvas[:high, :wide]
     # Half-transparent, so that the photo is not lost below.
     box[:] = (0.15 * box + 0.85 * np.array(color)).astype(np.uint8)
-    for i, line in enumerate(wrapped):
+    for i, line in enumerate(lines):
         write_text(canvas, line, (pad, step * (i + 1) + pad // 2), unit, (255, 255, 255))
-
-
-def _rotation_words(pose: PanelPose) -> str:
-    if pose.status in UNDETERMINED or not np.isfinite(pose.rotation).all():
-        return "rotation not determined"
-    known = np.isfinite(pose.covariance).all()
-    stds = pose.std_deg if known else (np.nan,) * 3
-    parts = [
-        f"{axis} {angle:+.1f}" + (f" +- {std:.1f}" if np.isfinite(std) else " +- ?")
-        for axis, angle, std in zip("xyz", pose.angles_deg, stds, strict=True)
-    ]
-    return f"rotation {', '.join(parts)} deg"
-
-
-def _checker(height: int, width: int, unit: float) -> Picture:
-    side = max(4, round(8 * unit))
-    y, x = np.arange(height)[:, None] // side, np.arange(width)[None] // side
-    grey = np.where((x + y) % 2 == 0, *CHECKER).astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=2)
-
-
-def _premultiplied(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Colour times alpha, and alpha, all 0 to 1, (h, w, 4)."""
-    top = 1.0 if image.dtype.kind == "f" else float(np.iinfo(image.dtype).max)
-    unit = image.astype(np.float32) / np.float32(top)
-    unit[..., :3] *= unit[..., 3:]
-    return unit

@@ -32,7 +32,9 @@ class PanelFiles:
     rectified: Path | None
 
 
-def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, Any]:
+def panel_to_dict(
+    panel: Panel, rectified_file: str | None = None, run: str | None = None
+) -> dict[str, Any]:
     """Plain values of a result, the contract of docs/result.md.
 
     Parameters
@@ -41,6 +43,8 @@ def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, 
         The result.
     rectified_file
         Name of the file with the rectified picture, where there is one.
+    run
+        A digest of the settings, where there is one: `fronto rectify --resume` compares it.
 
     Returns
     -------
@@ -64,6 +68,8 @@ def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, 
         "plates": [_plate(plate) for plate in panel.plates],
         "timing_ms": {stage: round(value, 3) for stage, value in panel.timing_ms.items()},
     }
+    if run is not None:
+        values["run"] = run
     if view is not None:
         values["rectified"] = {
             "file": rectified_file,
@@ -76,9 +82,9 @@ def panel_to_dict(panel: Panel, rectified_file: str | None = None) -> dict[str, 
     return plain
 
 
-def panel_to_json(panel: Panel, rectified_file: str | None = None) -> bytes:
+def panel_to_json(panel: Panel, rectified_file: str | None = None, run: str | None = None) -> bytes:
     """`panel_to_dict` as strictly valid JSON, UTF-8."""
-    return json_bytes(panel_to_dict(panel, rectified_file))
+    return json_bytes(panel_to_dict(panel, rectified_file, run))
 
 
 def output_names(stem: str) -> tuple[str, str, str]:
@@ -87,7 +93,13 @@ def output_names(stem: str) -> tuple[str, str, str]:
 
 
 def write_panel(
-    panel: Panel, image: npt.NDArray[Any], directory: str | Path, stem: str
+    panel: Panel,
+    image: npt.NDArray[Any],
+    directory: str | Path,
+    stem: str,
+    *,
+    run: str | None = None,
+    pictures: Mapping[str, npt.NDArray[Any]] | None = None,
 ) -> PanelFiles:
     """Write STEM.json, STEM.overlay.png and, where there is a view, STEM.rectified.png.
 
@@ -104,6 +116,10 @@ def write_panel(
         Made if missing.
     stem
         Usually the photo's name without its suffix.
+    run
+        As of `panel_to_dict`.
+    pictures
+        Further ones, to be written as STEM.KEY.png.
 
     Raises
     ------
@@ -124,8 +140,10 @@ def write_panel(
         if panel.view is not None:
             write_png(rectified, panel.view.image)
         write_png(overlay, drawing)
+        for key, picture in (pictures or {}).items():
+            write_png(folder / f"{stem}.{key}.png", picture)
         name = None if panel.view is None else rectified.name
-        write_bytes(json_file, panel_to_json(panel, name))
+        write_bytes(json_file, panel_to_json(panel, name, run))
     except InputError:
         # An older JSON must not describe the newer pictures.
         with contextlib.suppress(OSError):

@@ -12,7 +12,9 @@ import numpy.typing as npt
 
 from fronto.camera import Camera
 from fronto.errors import InputError
+from fronto.outlines.straight import straight_segments
 from fronto.pose import Template, estimate_pose
+from fronto.pose.guided import with_lines
 from fronto.pose.observations import TOLERANCE
 from fronto.results import Button, Panel, PanelPose, RectifiedView
 from fronto.shapes import Ellipse, FloatArray, LineSegment, Outline
@@ -33,10 +35,12 @@ def rectify_outlines(
     solver: Literal["refine", "grid"] = "refine",
     crop: Crop = "panel",
     lines: Sequence[LineSegment] = (),
+    find_lines: bool = False,
     square: bool = False,
     aligned: bool = True,
     template: Template | None = None,
     tolerance: float = TOLERANCE,
+    correlation: float = 0.0,
     scale: float = 1.0,
     margin: float = 0.5,
     max_pixels: int = 16_000_000,
@@ -56,8 +60,11 @@ def rectify_outlines(
         along where the panel shows it.
     image_name
         The photo's file name, for the result.
-    solver, lines, square, aligned, template, tolerance, grid
+    solver, lines, square, aligned, template, tolerance, correlation, grid
         As of :func:`fronto.estimate_pose`.
+    find_lines
+        Look in the photo for more lines that agree with the buttons, and solve with them
+        ("refine" only).
     crop, scale, margin, max_pixels
         As of :func:`fronto.warp_panel`.
 
@@ -92,17 +99,25 @@ def rectify_outlines(
             f"got {camera.width_px}x{camera.height_px}",
             f"use camera.scaled_to({width}, {height}) if the photo was only resized",
         )
-    pose = estimate_pose(
-        outlines,
-        camera,
-        solver=solver,
-        lines=lines,
-        square=square,
-        aligned=aligned,
-        template=template,
-        tolerance=tolerance,
-        **grid,
-    )
+
+    def solve(more: Sequence[LineSegment]) -> PanelPose:
+        return estimate_pose(
+            outlines,
+            camera,
+            solver=solver,
+            lines=[*lines, *more],
+            square=square,
+            aligned=aligned,
+            template=template,
+            tolerance=tolerance,
+            correlation=correlation,
+            **grid,
+        )
+
+    pose = solve(())
+    if find_lines and solver == "refine" and pose.status in ("ok", "uncertain"):
+        ends, std_px = straight_segments(_eight_bit(image))
+        pose = with_lines(pose, outlines, ends, std_px, solve)
     posed = time.perf_counter()
     view = None
     if pose.status in ("ok", "uncertain"):
@@ -128,6 +143,16 @@ def rectify_outlines(
         },
         notes=notes,
     )
+
+
+def _eight_bit(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """The colours, or grey, as `straight_segments` takes them."""
+    pixels = (
+        image[..., :3] if image.ndim == 3 and image.shape[2] > 1 else image.reshape(image.shape[:2])
+    )
+    if pixels.dtype.kind == "f":
+        return np.asarray(np.clip(255 * pixels, 0, 255), np.uint8)
+    return np.asarray(pixels >> 8 if pixels.dtype == np.uint16 else pixels, np.uint8)
 
 
 def _size(image: npt.NDArray[Any]) -> tuple[int, int]:

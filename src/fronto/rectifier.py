@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,12 +17,13 @@ from fronto.images import as_rgb
 from fronto.outlines import Outlines
 from fronto.outlines import outline as outline_stage
 from fronto.pipeline import rectify_outlines
-from fronto.pose.observations import TOLERANCE
+from fronto.pose.observations import undistorted
+from fronto.rectifieroptions import RectifierOptions
+from fronto.relook import better, look_again
 from fronto.results import Panel
 from fronto.segmentation import segment as segment_stage
 from fronto.segments import Segments
-from fronto.tomlfile import read_toml
-from fronto.warp import Crop
+from fronto.shapes import Outline
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -31,70 +32,9 @@ if TYPE_CHECKING:
 
     Picture = str | Path | Image.Image | npt.NDArray[Any]
 
-__all__ = ["Rectifier", "RectifierOptions", "found_by_itself", "photo_camera", "rectify"]
+__all__ = ["Rectifier", "found_by_itself", "photo_camera", "rectify", "within_lens"]
 
 Photo = npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True)
-class RectifierOptions:
-    """What the stages are told; `from_file` reads them from TOML.
-
-    Parameters
-    ----------
-    min_confidence, second_look
-        As of :func:`fronto.segment`.
-    corners, lines
-        As of :func:`fronto.outline`.
-    square, aligned, tolerance
-        As of :func:`fronto.estimate_pose`.
-    crop, scale, margin, max_pixels
-        As of :func:`fronto.warp_panel`.
-
-    Raises
-    ------
-    InputError
-        Naming the field that is out of range.
-    """
-
-    min_confidence: float = 0.5
-    second_look: bool = True
-    corners: Literal["subpixel", "hough"] = "subpixel"
-    lines: bool = True
-    square: bool = False
-    aligned: bool = True
-    tolerance: float = TOLERANCE
-    crop: Crop = "panel"
-    scale: float = 1.0
-    margin: float = 0.5
-    max_pixels: int = 16_000_000
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.min_confidence <= 1:
-            raise InputError("min_confidence", f"expected 0 to 1, got {self.min_confidence}")
-        if self.corners not in ("subpixel", "hough"):
-            raise InputError("corners", f'expected "subpixel" or "hough", got {self.corners!r}')
-        if self.crop not in ("panel", "full", "input"):
-            raise InputError("crop", f'expected "panel", "full" or "input", got {self.crop!r}')
-        for name, least in (("tolerance", 0.0), ("margin", 0.0)):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= least):
-                raise InputError(name, f"expected {least:g} or more, got {value}")
-        if not (np.isfinite(self.scale) and self.scale > 0):
-            raise InputError("scale", f"expected a number above 0, got {self.scale}")
-        if self.max_pixels < 1:
-            raise InputError("max_pixels", f"expected 1 or more, got {self.max_pixels}")
-
-    @classmethod
-    def from_file(cls, path: str | Path) -> RectifierOptions:
-        """Read options from a TOML file; what it leaves out has its default.
-
-        Raises
-        ------
-        InputError
-            Naming the file and the field.
-        """
-        return read_toml(Path(path), cls)
 
 
 def photo_camera(image: Picture, width_px: int, height_px: int) -> Camera:
@@ -131,6 +71,8 @@ class Rectifier:
         Another way from the photo, (h, w, 3) uint8 RGB, to segments.
     outline
         Another way from segments and photo to outlines.
+    solve
+        Another way from photo, outlines and camera to the result.
 
     Examples
     --------
@@ -148,12 +90,14 @@ class Rectifier:
         camera: Camera | None = None,
         segment: Callable[[Photo], Segments] | None = None,
         outline: Callable[[Segments, Photo], Outlines] | None = None,
+        solve: Callable[[Photo, Outlines, Camera], Panel] | None = None,
     ) -> None:
         self.options = options or RectifierOptions()
         self.engine = engine
         self.camera = camera
         self._segment = segment or self._segmented
         self._outline = outline or self._outlined
+        self._solve = solve or self._solved
 
     def _segmented(self, photo: Photo) -> Segments:
         o = self.options
@@ -162,9 +106,8 @@ class Rectifier:
         )
 
     def _outlined(self, segments: Segments, photo: Photo) -> Outlines:
-        return outline_stage(
-            segments, photo, corners=self.options.corners, lines=self.options.lines
-        )
+        # Lines are looked for when the pose tells where they run.
+        return outline_stage(segments, photo, corners=self.options.corners, lines=False)
 
     def __call__(
         self,
@@ -190,7 +133,7 @@ class Rectifier:
         Returns
         -------
         The result; its `status` says whether to trust it. `timing_ms` has "read", "segment",
-        "outline", "pose", "warp" and "total".
+        "outline", "pose", "warp", "second_look" and "total".
 
         Raises
         ------
@@ -202,14 +145,46 @@ class Rectifier:
         height, width = photo.shape[:2]
         camera = self._camera(image, camera, width, height)
         read = time.perf_counter()
-        outlines, notes, timing = self.find(photo)
+        panel = self.rectify(photo, camera)
         if image_name is None:
             image_name = Path(image).name if isinstance(image, (str, Path)) else ""
-        panel = self.solve(photo, outlines, camera, image_name=image_name)
+        timing = {"read": 1e3 * (read - begin)} | panel.timing_ms
+        timing["total"] = 1e3 * (time.perf_counter() - begin)
+        return replace(panel, image=image_name, timing_ms=timing)
+
+    def rectify(self, photo: Photo, camera: Camera) -> Panel:
+        """All stages, of a photo that is read already.
+
+        Parameters
+        ----------
+        photo
+            Shape (h, w, 3), uint8, RGB.
+        camera
+            At its size.
+        """
+        begin = time.perf_counter()
+        outlines, notes, timing = self.find(photo)
+        outlines = within_lens(outlines, camera)
+        panel = self._solve(photo, outlines, camera)
+        timing |= panel.timing_ms
+        panel = found_by_itself(panel, outlines)
+        looked = time.perf_counter()
+        if self.options.rectified_look:
+            panel = self._look_again(photo, panel, outlines, camera)
         end = time.perf_counter()
-        timing = {"read": 1e3 * (read - begin)} | timing | panel.timing_ms
-        timing["total"] = 1e3 * (end - begin)
+        timing |= {"second_look": 1e3 * (end - looked), "total": 1e3 * (end - begin)}
         return replace(panel, notes=(*notes, *panel.notes), timing_ms=timing)
+
+    def _look_again(self, photo: Photo, first: Panel, outlines: Outlines, camera: Camera) -> Panel:
+        try:
+            again = look_again(photo, first, outlines, self._segment, self._outline)
+            if again is None:
+                return first
+            again = within_lens(again, camera)
+            second = self._solve(photo, again, camera)
+        except InputError:  # a wrong pose shows nothing that could be looked at
+            return first
+        return found_by_itself(second, again) if better(second, first) else first
 
     def find(self, photo: Photo) -> tuple[Outlines, tuple[str, ...], dict[str, float]]:
         """The first two stages: a photo's outlines, remarks on it, and milliseconds.
@@ -228,26 +203,23 @@ class Rectifier:
         timing = {"segment": 1e3 * (segmented - begin), "outline": 1e3 * (end - segmented)}
         return outlines, (*segments.notes, *left_out), timing
 
-    def solve(
-        self, photo: Photo, outlines: Outlines, camera: Camera, *, image_name: str = ""
-    ) -> Panel:
-        """The last two stages: pose and head-on view from outlines."""
+    def _solved(self, photo: Photo, outlines: Outlines, camera: Camera) -> Panel:
         o = self.options
-        panel = rectify_outlines(
+        return rectify_outlines(
             photo,
             outlines.buttons,
             camera,
-            image_name=image_name,
             lines=outlines.lines,
+            find_lines=o.lines,
             square=o.square,
             aligned=o.aligned,
             tolerance=o.tolerance,
+            correlation=o.correlation,
             crop=o.crop,
             scale=o.scale,
             margin=o.margin,
             max_pixels=o.max_pixels,
         )
-        return found_by_itself(panel, outlines)
 
     def _camera(self, image: Picture, given: Camera | None, width: int, height: int) -> Camera:
         camera = given or self.camera
@@ -256,6 +228,33 @@ class Rectifier:
         if (camera.width_px, camera.height_px) != (width, height):
             return camera.scaled_to(width, height)
         return camera
+
+
+def within_lens(outlines: Outlines, camera: Camera) -> Outlines:
+    """Leave out what lies where the camera's lens model does not hold."""
+    if not camera.distorted:
+        return outlines
+
+    def inside(outline: Outline) -> bool:
+        try:
+            undistorted([outline], camera)
+        except InputError:
+            return False
+        return True
+
+    out = sum(not inside(button) for button in outlines.buttons)
+    note = (f"{out} outlines lie where the lens model does not hold",) if out else ()
+    return replace(
+        outlines,
+        buttons=tuple(filter(inside, outlines.buttons)),
+        lines=tuple(
+            line
+            for line in outlines.lines
+            if np.isfinite(camera.undistort_points(line.ends_px)).all()
+        ),
+        left_out=(*outlines.left_out, *note),
+        from_image=(),
+    )
 
 
 def found_by_itself(panel: Panel, outlines: Outlines) -> Panel:

@@ -1,15 +1,18 @@
-"""``fronto rectify``: photos and their buttons' outlines to head-on views."""
+"""``fronto rectify``: photos to head-on views."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from fronto.cli.cameras import CameraSource
+from fronto.cli.inputs import STDIN, expanded, is_video, read_stdin, result_names
+from fronto.cli.rectifying import Job, Settings
 from fronto.cli.shared import (
     BAD_INPUT,
     FILE,
@@ -17,26 +20,22 @@ from fronto.cli.shared import (
     POSITIVE,
     SOME_FAILED,
     FiniteRange,
-    about_photo,
     check_outputs,
     network_options,
-    say,
 )
-from fronto.cli.verdicts import all_unsure, outline_notes, verdict
 from fronto.errors import InputError
 
 if TYPE_CHECKING:
-    from fronto.camera import Camera
-    from fronto.outlinefile import OutlineFile
-    from fronto.panelfile import PanelFiles
-    from fronto.rectifier import Rectifier
-    from fronto.results import Panel
+    from fronto.rectifieroptions import RectifierOptions
 
 __all__ = ["command"]
 
+#: From so many photos on several processes pay: each begins by loading the network.
+MANY = 8
+
 
 @click.command(name="rectify", short_help="Turn photos of panels into head-on views.")
-@click.argument("photos", nargs=-1, required=True, type=FILE, metavar="PHOTO...")
+@click.argument("photos", nargs=-1, type=FILE, metavar="PHOTO...")
 @click.option(
     "--outlines",
     type=FILE,
@@ -46,7 +45,22 @@ __all__ = ["command"]
 )
 @network_options
 @click.option("--no-lines", is_flag=True, help="Do not look for lines of the panel.")
-@click.option("-o", "--output", required=True, type=FILE, metavar="DIR", help="Where results go.")
+@click.option(
+    "-o",
+    "--output",
+    default="fronto-out",
+    show_default=True,
+    type=FILE,
+    metavar="DIR",
+    help="Where results go.",
+)
+@click.option(
+    "--options",
+    "options_file",
+    type=FILE,
+    metavar="FILE",
+    help="Options of the stages (TOML); what is given here as well counts more.",
+)
 @click.option(
     "--camera",
     "camera_file",
@@ -104,6 +118,36 @@ __all__ = ["command"]
     type=click.Choice(["none", "paper", "paper_rotated"]),
     help="Grid: Eq. 7's T, for study.  [none]",
 )
+@click.option("--show-steps", is_flag=True, help="Draw every step: DIR/<stem>.steps.png.")
+@click.option(
+    "--before-after", is_flag=True, help="Draw photo and view: DIR/<stem>.before_after.png."
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help=f"Processes.  [default: one per core from {MANY} photos on]",
+)
+@click.option(
+    "--resume", is_flag=True, help="Leave results that are there, made with the same settings."
+)
+@click.option(
+    "--jsonl", type=FILE, metavar="FILE", help="Also write all results here, one JSON a line."
+)
+@click.option(
+    "--device", type=click.IntRange(min=0), metavar="INDEX", help="Take the video of this camera."
+)
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Videos: take every Nth frame.",
+)
+@click.option(
+    "--frames", type=click.IntRange(min=1), metavar="N", help="Videos: stop after N frames taken."
+)
 @click.option("--include-unsure", is_flag=True, help="Use outlines marked unsure as well.")
 @click.option("--strict", is_flag=True, help="Exit with 3 when any result is not ok.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
@@ -114,147 +158,134 @@ def command(
     photos: Sequence[Path],
     outlines: Path | None,
     output: Path,
+    options_file: Path | None,
     weights: Path | None,
     threads: int | None,
-    min_confidence: float,
-    fast: bool,
-    no_lines: bool,
     camera_file: Path | None,
     hfov: float | None,
     focal_px: float | None,
     template_file: Path | None,
     include_unsure: bool,
+    show_steps: bool,
+    before_after: bool,
+    jobs: int | None,
+    resume: bool,
+    jsonl: Path | None,
+    device: int | None,
+    every: int,
+    frames: int | None,
     strict: bool,
     quiet: bool,
-    **options: Any,
+    **given: Any,
 ) -> None:
     """Turn photos of elevator button panels into head-on views.
 
-    Finds the buttons by itself; or give their --outlines. For each PHOTO writes
+    Each PHOTO may also be a folder of photos, a pattern, a video, or - for standard input.
+    Finds the buttons by itself; or give their --outlines. For each photo writes
     DIR/<stem>.json, DIR/<stem>.overlay.png and, where the buttons determine a rotation,
-    DIR/<stem>.rectified.png; prints one line with the verdict.
+    DIR/<stem>.rectified.png; prints one line with the verdict. Of a video it writes
+    DIR/<stem>.rectified.mp4 and DIR/<stem>.jsonl, a line for each frame.
 
     Exit codes: 0 done; 1 some photos could not be used, others could; 2 wrong input, or no
     photo could be used; 3 with --strict: a result is not ok.
     """
+    from fronto.cli.batches import run_photos
+    from fronto.cli.videos import VideoJob, run_videos
+
+    if not photos and device is None:
+        raise click.UsageError("give a PHOTO, a folder, a video, or --device")
     if sum(choice is not None for choice in (camera_file, hfov, focal_px)) > 1:
         raise click.UsageError("give one of --camera, --hfov and --focal-px")
-    arguments = _solver_arguments(options, template_file)
-    jobs = _jobs(photos, outlines, output, [camera_file, template_file, weights])
-    if template_file is not None:
-        from fronto.templatefile import read_template
-
-        arguments["template"] = read_template(template_file)
-    if camera_file is not None:
-        from fronto.camera.files import check_camera_file
-
-        check_camera_file(camera_file)  # once for all photos
-    source = CameraSource(camera_file, hfov, focal_px)
-    finder = None
-    if outlines is None:
-        finder = _finder(weights, threads, min_confidence, fast=fast, lines=not no_lines)
-    failed, not_ok = 0, 0
-    for job in jobs:
-        try:
-            panel, files = job.run(source, finder, include_unsure, arguments)
-        except InputError as error:
-            say(f"Error: {error}", err=True)
-            failed += 1
-            continue
-        not_ok += panel.status != "ok"
-        if not quiet:
-            say(verdict(panel, files))
-    if failed:
-        ctx.exit(SOME_FAILED if failed < len(jobs) else BAD_INPUT)
-    if strict and not_ok:
+    solving = _solving(given, template_file)
+    settings = Settings(
+        output=output,
+        weights=weights,
+        threads=threads,
+        options=_options(ctx, options_file, given),
+        source=CameraSource(camera_file, hfov, focal_px),
+        solving=tuple(solving.items()),
+        template_file=template_file,
+        include_unsure=include_unsure,
+        steps=show_steps,
+        before_after=before_after,
+        resume=resume,
+    )
+    _check_files(settings, outlines)
+    with TemporaryDirectory(prefix="fronto-") as spool:
+        files = expanded(photos)
+        if STDIN in files:
+            files = [read_stdin(Path(spool)) if path == STDIN else path for path in files]
+        videos = [VideoJob(path, path.stem) for path in files if is_video(path)]
+        if device is not None:
+            videos.append(VideoJob(device, f"camera{device}"))
+        if videos and (outlines is not None or solving["solver"] != "refine" or template_file):
+            raise click.UsageError("videos know no --outlines, --solver grid and --template")
+        others = [camera_file, template_file, weights, options_file]
+        work = _jobs([path for path in files if not is_video(path)], outlines, settings, others)
+        if jobs is None:
+            jobs = _processes(len(work))
+        counts = run_photos(work, settings, jobs, jsonl, quiet=quiet)
+        counts += run_videos(videos, settings, every=every, frames=frames, quiet=quiet)
+    if counts.failed:
+        ctx.exit(SOME_FAILED if counts.failed < counts.all else BAD_INPUT)
+    if strict and counts.not_ok:
         ctx.exit(NOT_OK)
 
 
-@dataclass(frozen=True)
-class _Job:
-    """One photo, its outlines, and where its results go."""
+def _processes(photos: int) -> int:
+    from fronto.cores import usable_cores
 
-    photo: Path
-    outlines: Path | None
-    output: Path
+    return usable_cores() if photos >= MANY else 1
 
-    def run(
-        self,
-        source: CameraSource,
-        finder: Rectifier | None,
-        include_unsure: bool,
-        arguments: dict[str, Any],
-    ) -> tuple[Panel, PanelFiles]:
-        from fronto.imageio import read_image
-        from fronto.panelfile import write_panel
 
-        image = read_image(self.photo)
-        height, width = image.shape[:2]
-        camera = source.camera(self.photo, width, height)
-        if finder is not None:
-            panel = self._found(image, finder, camera, arguments)
-        else:
-            panel = self._given(image, camera, include_unsure, arguments)
-        return panel, write_panel(panel, image, self.output, self.photo.stem)
+def _options(
+    ctx: click.Context, options_file: Path | None, given: dict[str, Any]
+) -> RectifierOptions:
+    """Options of the file, with those of the command line over them."""
+    from fronto.rectifieroptions import RectifierOptions
 
-    def _found(
-        self, image: Any, finder: Rectifier, camera: Camera, arguments: dict[str, Any]
-    ) -> Panel:
-        """Buttons that the network finds."""
-        from fronto.images import as_rgb
-        from fronto.outlinefile import OutlineFile
-        from fronto.rectifier import found_by_itself
+    options = RectifierOptions()
+    if options_file is not None:
+        options = RectifierOptions.from_file(options_file)
+    source = click.core.ParameterSource.COMMANDLINE
+    said = {name: v for name, v in given.items() if ctx.get_parameter_source(name) == source}
+    names = ("min_confidence", "crop", "scale", "margin", "square")
+    changes = {name: said[name] for name in names if name in said}
+    if said.get("fast"):
+        changes |= {"second_look": False, "rectified_look": False}
+    if said.get("no_lines"):
+        changes["lines"] = False
+    if said.get("no_align"):
+        changes["aligned"] = False
+    if given["solver"] == "grid":
+        # The paper's search takes what one look finds.
+        changes["rectified_look"] = False
+    return replace(options, **changes)
 
-        with about_photo(self.photo):
-            outlines, notes, timing = finder.find(as_rgb(image))
-        given = OutlineFile(outlines.buttons, outlines.lines)
-        panel = found_by_itself(self._solved(image, given, camera, arguments), outlines)
-        timing = timing | panel.timing_ms
-        timing["total"] += timing["segment"] + timing["outline"]
-        return replace(panel, notes=(*notes, *panel.notes), timing_ms=timing)
 
-    def _given(
-        self, image: Any, camera: Camera, include_unsure: bool, arguments: dict[str, Any]
-    ) -> Panel:
-        """Buttons of an outlines file."""
-        from fronto.outlinefile import read_outlines
+def _check_files(settings: Settings, outlines: Path | None) -> None:
+    """Say once, before any work, what is wrong with files that all photos share."""
+    if settings.source.file is not None:
+        from fronto.camera.files import check_camera_file
 
-        assert self.outlines is not None
-        height, width = image.shape[:2]
-        found = read_outlines(self.outlines, width, height, include_unsure=include_unsure)
-        panel = self._solved(image, found, camera, arguments)
-        panel = replace(panel, plates=found.plates)
-        if found.skipped and not found.outlines:
-            panel = all_unsure(panel, len(found.skipped))
-        return panel
+        check_camera_file(settings.source.file)
+    if settings.template_file is not None:
+        from fronto.templatefile import read_template
 
-    def _solved(
-        self, image: Any, found: OutlineFile, camera: Camera, arguments: dict[str, Any]
-    ) -> Panel:
-        from fronto.pipeline import rectify_outlines
+        read_template(settings.template_file)
+    if outlines is None and settings.weights is not None:
+        from fronto.engine import Engine
 
-        height, width = image.shape[:2]
-        name = click.format_filename(self.photo.name)
-        translation = arguments.get("translation", "none")
-        with about_photo(self.photo):
-            if translation != "none":
-                corners = _presupposed(found.outlines, width, height)
-                arguments = {**arguments, "standard_corners": corners}
-            lines = found.lines if arguments["solver"] == "refine" else ()
-            panel = rectify_outlines(
-                image, found.outlines, camera, image_name=name, lines=lines, **arguments
-            )
-        unused = len(found.lines) - len(lines)
-        notes = outline_notes(found.image, name, len(found.skipped), unused)
-        return replace(panel, notes=(*panel.notes, *notes))
+        Engine(settings.weights, threads=settings.threads)
 
 
 def _jobs(
-    photos: Sequence[Path], outlines: Path | None, output: Path, others: Sequence[Path | None]
-) -> list[_Job]:
+    photos: Sequence[Path],
+    outlines: Path | None,
+    settings: Settings,
+    others: Sequence[Path | None],
+) -> list[Job]:
     """Pair photos with outlines; refuse what would overwrite a result or an input."""
-    from fronto.panelfile import output_names
-
     folder = outlines is not None and outlines.is_dir()
     if outlines is not None and len(photos) > 1 and not folder:
         raise InputError(
@@ -263,24 +294,16 @@ def _jobs(
             f"got {'a file' if outlines.exists() else 'nothing there'}",
             "give a folder, or one photo",
         )
+    # Outlines go by the stem alone.
+    stems = [p.stem for p in photos] if outlines else list(result_names(photos))
     jobs = [
-        _Job(photo, _outlines_of(photo, outlines) if outlines and folder else outlines, output)
-        for photo in photos
+        Job(photo, stem, _outlines_of(photo, outlines) if outlines and folder else outlines)
+        for photo, stem in zip(photos, stems, strict=True)
     ]
     paths = [path for job in jobs for path in (job.photo, job.outlines)]
     inputs = [path for path in (*paths, *others) if path is not None]
-    check_outputs(photos, output, output_names, inputs)
+    check_outputs(photos, settings.output, settings.names, inputs, stems)
     return jobs
-
-
-def _finder(
-    weights: Path | None, threads: int | None, min_confidence: float, *, fast: bool, lines: bool
-) -> Rectifier:
-    from fronto.engine import Engine
-    from fronto.rectifier import Rectifier, RectifierOptions
-
-    options = RectifierOptions(min_confidence=min_confidence, second_look=not fast, lines=lines)
-    return Rectifier(options, engine=Engine(weights, threads=threads))
 
 
 def _outlines_of(photo: Path, folder: Path) -> Path:
@@ -290,7 +313,7 @@ def _outlines_of(photo: Path, folder: Path) -> Path:
     return own if own.exists() and not plain.exists() else plain
 
 
-def _solver_arguments(options: dict[str, Any], template_file: Path | None) -> dict[str, Any]:
+def _solving(options: dict[str, Any], template_file: Path | None) -> dict[str, Any]:
     """Arguments of `rectify_outlines`; refuse options that the solver would not look at."""
     names = ("range_deg", "step_deg", "criterion", "combine", "translation")
     grid = {name: value for name in names if (value := options[name]) is not None}
@@ -302,25 +325,4 @@ def _solver_arguments(options: dict[str, Any], template_file: Path | None) -> di
     if idle:
         flags = ", ".join("--" + name.replace("_", "-") for name in idle)
         raise click.UsageError(f"--solver {solver} does not know {flags}")
-    return {
-        "solver": solver,
-        "square": options["square"],
-        "aligned": not options["no_align"],
-        **{name: options[name] for name in ("crop", "scale", "margin")},
-        **grid,
-    }
-
-
-def _presupposed(outlines: Sequence[Any], width: int, height: int) -> Any:
-    """Find the paper's presupposed corners (Fig. 4) for this many buttons."""
-    from fronto.pose.presupposed import presupposed_corners
-
-    count = len(outlines)
-    if count not in (2, 3):
-        raise InputError(
-            "--translation",
-            f"expected 2 or 3 buttons as on the paper's panels (Fig. 4), got {count}",
-            "leave it out",
-        )
-    layout: Any = {2: "up_down", 3: "up_down_keyhole"}[count]
-    return presupposed_corners(layout, width, height)
+    return {"solver": solver, **grid}

@@ -191,6 +191,7 @@ def check_outputs(
     output: Path,
     names: Callable[[str], Iterable[str]],
     inputs: Iterable[Path],
+    stems: Iterable[str] | None = None,
 ) -> None:
     """Refuse results that would overwrite each other or an input.
 
@@ -204,6 +205,8 @@ def check_outputs(
         Gives the names of the results' files for a stem.
     inputs
         Files that must stay.
+    stems
+        What each photo's results are named after; None: their stems.
 
     Raises
     ------
@@ -215,16 +218,16 @@ def check_outputs(
         raise InputError(f"--output {output}", "expected a folder, got a file", "choose another")
     kept = {path.resolve() for path in inputs}
     seen: dict[str, Path] = {}
-    for photo in photos:
+    for photo, stem in zip(photos, stems or [photo.stem for photo in photos], strict=True):
         # Some file systems do not tell upper from lower case.
-        other = seen.setdefault(photo.stem.casefold(), photo)
+        other = seen.setdefault(stem.casefold(), photo)
         if other is not photo:
             raise InputError(
                 f"photos {other} and {photo}",
                 "expected different stems, got one name for both results",
                 "rename one, or use another folder for it",
             )
-        for name in names(photo.stem):
+        for name in names(stem):
             if (output / name).resolve() in kept:
                 raise InputError(
                     f"--output {output}",

@@ -12,20 +12,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fronto.outlines.straight import END_STD, straight_segments
 from fronto.shapes import Axis, FloatArray, LineSegment, Outline
 
 __all__ = ["panel_lines"]
 
-#: Photos are looked at with this many pixels.
-PIXELS = 500_000
 #: A line is at least this long, in buttons and in pixels looked at.
 LENGTH, LENGTH_PX = 2.0, 40.0
 #: It lies within this many buttons of the field of buttons.
 NEAR = 3.0
 #: It runs along rows or columns but for this much, degrees, and the field's own deviation.
 ALONG_DEG, MOST_DEG = 1.2, 4.0
-#: Deviation of its ends, pixels looked at.
-END_STD = 0.6
 #: The most lines handed on, the longest.
 MOST_LINES = 16
 #: How fast directions may turn across the field of buttons, radians per size of the field;
@@ -68,11 +65,11 @@ def panel_lines(rgb: npt.NDArray[np.uint8], buttons: Sequence[Outline]) -> list[
     boxes = np.array([b.box_px for b in whole])
     size = float(np.median(np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))))
     low, high = boxes[:, :2].min(axis=0) - NEAR * size, boxes[:, 2:].max(axis=0) + NEAR * size
-    ends, scale = _segments(rgb, low, high)
+    ends, std_px = straight_segments(rgb, (low, high))
     middle = (ends[:, 0] + ends[:, 1]) / 2
     along = ends[:, 1] - ends[:, 0]
     length = np.hypot(along[:, 0], along[:, 1])
-    keep = length >= max(LENGTH * size, LENGTH_PX / scale)
+    keep = length >= max(LENGTH * size, LENGTH_PX * std_px / END_STD)
     keep &= ((middle > low) & (middle < high)).all(axis=1)
     ends, middle, along, length = ends[keep], middle[keep], along[keep], length[keep]
     found: list[tuple[float, LineSegment]] = []
@@ -85,32 +82,10 @@ def panel_lines(rgb: npt.NDArray[np.uint8], buttons: Sequence[Outline]) -> list[
         off = np.degrees(np.abs(_wrapped(np.arctan2(along[:, 1], along[:, 0]) - turned - angle)))
         limit = np.minimum(ALONG_DEG + 2 * np.degrees(std), MOST_DEG)
         for k in np.flatnonzero(off <= limit):
-            line = LineSegment(axis, ends[k], END_STD / scale)
+            line = LineSegment(axis, ends[k], std_px)
             found.append((float(length[k]), line))
     found.sort(key=lambda item: -item[0])
     return [line for _, line in found[:MOST_LINES]]
-
-
-def _segments(
-    rgb: npt.NDArray[np.uint8], low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, float]:
-    """Line segments (n, 2, 2) of this part of the photo, and the scale it was looked at with."""
-    import cv2
-
-    height, width = rgb.shape[:2]
-    x0, y0 = (int(v) for v in np.clip(np.floor(low), 0, (width - 1, height - 1)))
-    x1, y1 = (int(v) for v in np.clip(np.ceil(high), 0, (width - 1, height - 1)))
-    part = cv2.cvtColor(np.ascontiguousarray(rgb[y0 : y1 + 1, x0 : x1 + 1]), cv2.COLOR_RGB2GRAY)
-    scale = min(1.0, float(np.sqrt(PIXELS / part.size)))
-    if scale < 1:
-        part = np.asarray(cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
-    if min(part.shape) < 8:
-        return np.zeros((0, 2, 2)), scale
-    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(part)[0]
-    # None where there are none, whatever its type says.
-    ends = np.array([] if found is None else found, np.float64).reshape(-1, 2, 2)
-    ratio = np.array([(x1 + 1 - x0) / part.shape[1], (y1 + 1 - y0) / part.shape[0]])
-    return (ends + 0.5) * ratio - 0.5 + (x0, y0), scale
 
 
 def _field(buttons: Sequence[Outline], axis: Axis) -> _Field | None:

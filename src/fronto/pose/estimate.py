@@ -51,6 +51,7 @@ def estimate_pose(
     aligned: bool = True,
     template: Template | None = None,
     tolerance: float = TOLERANCE,
+    correlation: float = 0.0,
     **grid: Any,
 ) -> PanelPose:
     """Estimate the rotation between camera and panel from outlines of its buttons.
@@ -76,6 +77,10 @@ def estimate_pose(
         How far corners of the real buttons are from where equal ones in exact rows and
         columns would have them (standard deviation, in button sizes); 0 for a panel that
         is exactly so (refine only).
+    correlation
+        Share of the outlines' variance that is common to all of them, 0 to 1: outlines that
+        a network or a person drew err alike, and many of them tell less than as many
+        independent ones (refine only).
     grid
         For ``solver="grid"``: `range_deg`, `step_deg`, `criterion`, `combine`,
         `translation`, `standard_corners`; see `fronto.pose.grid.search_grid`.
@@ -100,6 +105,8 @@ def estimate_pose(
     """
     outlines = list(outlines)
     _check_arguments(solver, camera, lines, template, square or not aligned, tolerance, grid)
+    if not 0 <= correlation <= 1:
+        raise InputError("correlation", f"expected 0 to 1, got {correlation}")
     check_outlines(outlines)
     if not outlines:
         return _without(camera, solver, "no_buttons", "no button outlines were given", 0)
@@ -114,6 +121,7 @@ def estimate_pose(
         aligned=aligned,
         focal_isd=1 / camera.focal_std if camera.focal_std > 0 else -1.0,
         template=matched,
+        common=1.0 + correlation * (len(outlines) - 1),
     )
     if not adjustment.solutions:
         reason = "no rotation puts all outlines in front of the camera"
@@ -186,13 +194,13 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     sigma_px = float(middle(std))
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
-    cov = covariance(best, found.model)
+    cov = found.common * covariance(best, found.model)
     verdict = judge(found, cov, size_px, sigma_px, _aspect_std(found, cov))
     if verdict.status == "degenerate":
         cov = np.full(cov.shape, np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
     others = [
-        _pose(other, camera, found, verdict, std, covariance(other, found.model))
+        _pose(other, camera, found, verdict, std, found.common * covariance(other, found.model))
         for other in (found.solutions[k] for k in verdict.rivals)
     ]
     if found.other_roll is not None:

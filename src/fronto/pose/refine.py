@@ -81,6 +81,7 @@ class _Shared:
     aligned: bool
     focal_isd: float
     template: Sequence[TemplateButton | None] | None
+    line_c2: float
 
 
 _Scored = tuple[float, Model, list[Solution]]
@@ -102,6 +103,9 @@ class Adjustment:
     other_roll
         For panels of circles only: a rotation with another roll whose rows and columns
         fit about as well; None where the roll is clear.
+    common
+        Variance of what the buttons tell together, over what it were if they erred
+        independently; costs and covariances are without it, lines and priors weigh more by it.
     """
 
     solutions: tuple[Solution, ...]
@@ -109,6 +113,7 @@ class Adjustment:
     seen: Observations
     sigma_factor: float = 1.0
     other_roll: FloatArray | None = None
+    common: float = 1.0
 
 
 def adjust(
@@ -118,6 +123,7 @@ def adjust(
     aligned: bool = True,
     focal_isd: float = -1.0,
     template: Sequence[TemplateButton | None] | None = None,
+    common: float = 1.0,
 ) -> Adjustment:
     """Find the rotation, sizes and positions that explain the observations.
 
@@ -131,15 +137,21 @@ def adjust(
         1/σ of ln(f/f0); negative where the focal length is known.
     template
         The known button of each outline, or None.
+    common
+        As of `Adjustment`.
     """
+    if focal_isd > 0:
+        focal_isd *= np.sqrt(common)
+    seen = replace(seen, line_isd=seen.line_isd * np.sqrt(common))
     model = base_model(seen, numbered(seen.kind), square, focal_isd)
+    model = replace(model, line_c2=common * model.line_c2)
     rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
     start = initial_parameters(seen, model, rotations)
     found = _distinct(solve(seen, model, *start, tolerance=COARSE))
     if not found:
-        return Adjustment((), model, seen)
+        return Adjustment((), model, seen, common=common)
     only_circles = not bool((seen.kind == QUAD).any())
-    shared = _Shared(square, aligned, focal_isd, template)
+    shared = _Shared(square, aligned, focal_isd, template, model.line_c2)
     beginnings = _upright_lattices(found, model) if only_circles else [found]
     tried = [_with_structure(seen, model, start, shared) for start in beginnings]
     tried.sort(key=lambda item: item[0])
@@ -148,14 +160,15 @@ def adjust(
     factor = np.sqrt(_misfit(found[0], model, seen))
     if factor**2 > MISFIT:
         # Weigh residuals against the priors by the deviation that they really have.
-        seen = replace(seen, inverse_sd=seen.inverse_sd / factor, line_isd=seen.line_isd / factor)
+        # What the buttons miss says nothing about the lines.
+        seen = replace(seen, inverse_sd=seen.inverse_sd / factor)
         _, model, found = _with_structure(seen, model, found, shared)
     else:
         factor = 1.0
     # A template tells the roll even of circles.
     rolls = only_circles and template is None
     other = _other_roll(found[0].rotation, tried) if rolls else None
-    return Adjustment(tuple(found), model, seen, float(factor), other)
+    return Adjustment(tuple(found), model, seen, float(factor), other, common)
 
 
 def _with_structure(
@@ -189,6 +202,7 @@ def _settled(
 ) -> _Scored:
     """Find rows and columns again until they stay, with the buttons' sizes in these groups."""
     base = base_model(seen, group, shared.square, shared.focal_isd)
+    base = replace(base, line_c2=shared.line_c2)
     penalty = GROUP_GAIN * (len(base.square_isd) - 1)
     best: _Scored = (np.inf, base, found)
     starts, tried = found, []

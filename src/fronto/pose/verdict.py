@@ -142,6 +142,7 @@ def judge(
     kinds = set(adjustment.seen.kind.tolist())
     split = small and len(adjustment.model.square_isd) > len(kinds)
     limit = RIVAL_WITH_OUTLIERS if conflict or split else RIVAL_OF_TWO if n <= 2 else RIVAL
+    limit *= adjustment.common
     # Of one button the mirrored pose is always told.
     rivals = tuple(
         k
@@ -171,7 +172,8 @@ def judge(
     if not shows and aspect_std is not None and aspect_std > OK_ASPECT_STD:
         off = 100 * aspect_std
         reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
-    focal_std = 1 / adjustment.model.focal_isd if adjustment.model.focal_isd > 0 else 0.0
+    known = adjustment.model.focal_isd
+    focal_std = np.sqrt(adjustment.common) / known if known > 0 else 0.0
     if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE:
         reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds

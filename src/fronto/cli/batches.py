@@ -1,0 +1,163 @@
+"""Many photos of `fronto rectify`: over processes, with a bar, into one file of JSON Lines."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import IO, NamedTuple
+
+import click
+
+from fronto.batch import Crashed, in_order
+from fronto.cli.rectifying import Job, Outcome, Settings, failed
+from fronto.cli.shared import say
+from fronto.errors import InputError
+
+__all__ = ["Counts", "JsonLines", "run_photos"]
+
+
+class Counts(NamedTuple):
+    """Of inputs: all, those that could not be used, those whose result is not ok."""
+
+    all: int = 0
+    failed: int = 0
+    not_ok: int = 0
+
+    def __add__(self, other: object) -> Counts:
+        assert isinstance(other, Counts)
+        return Counts(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+def run_photos(
+    jobs: Sequence[Job], settings: Settings, processes: int, jsonl: Path | None, *, quiet: bool
+) -> Counts:
+    """Rectify photos, print a line for each, in their order.
+
+    Parameters
+    ----------
+    jobs
+        The photos.
+    settings
+        What all results depend on.
+    processes
+        How many photos are worked on at a time.
+    jsonl
+        File for all results, one a line; None: none.
+    quiet
+        Print errors only.
+    """
+    if not jobs:
+        return Counts()
+    if processes > 1 and settings.threads is None:
+        from dataclasses import replace
+
+        from fronto.cores import usable_cores
+
+        # Each process its share of the cores.
+        settings = replace(settings, threads=max(1, usable_cores() // processes))
+    counts = Counts()
+    with JsonLines(jsonl) as lines, _Bar(len(jobs)) as bar:
+        for job, result in in_order(jobs, settings, min(processes, len(jobs))):
+            outcome = _crashed(job) if isinstance(result, Crashed) else result
+            lines.write(outcome.record)
+            bad = outcome.status is None
+            with bar.aside():
+                if bad:
+                    say(f"Error: {outcome.line}", err=True)
+                elif not quiet:
+                    say(outcome.line)
+            counts += Counts(1, bad, not bad and outcome.status != "ok")
+    return counts
+
+
+def _crashed(job: Job) -> Outcome:
+    name = click.format_filename(job.photo.name)
+    what = InputError(
+        f"photo {job.photo}",
+        "expected to finish, but its process was ended by the system (out of memory?)",
+        "give fewer --jobs, or scale the photo down",
+    )
+    return failed(name, str(what))
+
+
+class JsonLines:
+    """A file of lines that appears in one piece at the end, of an interrupted run as well."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.part: Path | None = None
+        self.file: IO[bytes] | None = None
+
+    def __enter__(self) -> JsonLines:
+        if self.path is not None:
+            self.part = self.path.with_name(f".{secrets.token_hex(8)}.part")
+            try:
+                self.file = self.part.open("xb")
+            except (OSError, ValueError) as error:
+                reason = getattr(error, "strerror", None) or "not a path"
+                raise InputError(
+                    f"--jsonl {self.path}",
+                    f"expected a place to write to, got: {reason}",
+                    "choose another folder",
+                ) from None
+        return self
+
+    def write(self, line: bytes) -> None:
+        """Add a line."""
+        if self.file is not None:
+            self.file.write(line)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.file is None or self.part is None or self.path is None:
+            return
+        self.file.close()
+        try:
+            self.part.replace(self.path)
+        except OSError as reason:
+            with contextlib.suppress(OSError):
+                self.part.unlink(missing_ok=True)
+            raise InputError(
+                f"--jsonl {self.path}", f"expected a file to write, got: {reason.strerror}"
+            ) from None
+
+
+class _Bar:
+    """A progress bar on standard error, where that is a terminal and there are several photos."""
+
+    def __init__(self, length: int) -> None:
+        show = length > 1 and sys.stderr.isatty()
+        self.bar = click.progressbar(length=length, file=sys.stderr) if show else None
+
+    def __enter__(self) -> _Bar:
+        if self.bar is not None:
+            self.bar.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.bar is not None:
+            self.bar.__exit__(kind, error, trace)
+
+    @contextlib.contextmanager
+    def aside(self) -> Iterator[None]:
+        """Print lines above the bar, and go on by one."""
+        if self.bar is None:
+            yield
+            return
+        click.echo("\r\033[K", nl=False, file=sys.stderr)
+        yield
+        self.bar.update(1)
+        self.bar.render_progress()

@@ -1,0 +1,159 @@
+"""Which straight segments of a photo run along the panel's axes, given a first pose.
+
+Plate edges, trims, door frames: whatever is horizontal or vertical on the wall shares the
+panel's vanishing points, in whatever plane it lies, and is longer than any button. A pose from
+the buttons tells, with its deviation, which segments those can be; they make it exact; and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fronto.pose.checks import boxes_px
+from fronto.pose.rotation import rotation_exp
+from fronto.results import PanelPose
+from fronto.shapes import Axis, FloatArray, LineSegment, Outline
+
+__all__ = ["agreeing_lines", "with_lines"]
+
+#: A segment may miss the predicted direction by this much, and by so many of the prediction's
+#: own deviations, but never by more than the last.
+OFF_RAD, OFF_STD, MOST_RAD = np.radians(1.0), 3.0, np.radians(8.0)
+#: A segment is at least this long; one that may be a button's own side is also this much
+#: longer than the buttons. Others lie outside of the buttons' boxes, grown by this share.
+LENGTH_PX, LENGTH, GROWN = 40.0, 2.0, 0.2
+#: Real trims and frames are this far from parallel to the buttons' rows and columns, radians.
+SLANT = 0.003
+#: The most segments used, the longest.
+MOST_LINES = 40
+#: Poses and lines are found in turns, at most so often.
+ROUNDS = 3
+#: Step of numerical derivatives, radians.
+STEP = 1e-4
+AXES: tuple[Axis, Axis] = ("horizontal", "vertical")
+
+
+def with_lines(
+    pose: PanelPose,
+    outlines: Sequence[Outline],
+    ends_px: FloatArray,
+    std_px: float,
+    solve: Callable[[list[LineSegment]], PanelPose],
+) -> PanelPose:
+    """Solve again with the segments that agree with the pose, until they stay the same.
+
+    Parameters
+    ----------
+    pose
+        From the buttons alone.
+    outlines
+        The buttons.
+    ends_px
+        Shape (n, 2, 2): the photo's straight segments.
+    std_px
+        Standard deviation of their ends across.
+    solve
+        Gives the pose of the buttons and these lines.
+
+    Returns
+    -------
+    The last pose that is "ok" or "uncertain"; `pose` itself where it is neither, or where no
+    segment agrees with it.
+    """
+    chosen: set[bytes] = set()
+    for _ in range(ROUNDS):
+        lines = agreeing_lines(pose, outlines, ends_px, std_px)
+        found = {line.ends_px.tobytes() for line in lines}
+        if not lines or found == chosen:
+            break
+        chosen = found
+        solved = solve(lines)
+        if solved.status not in ("ok", "uncertain"):
+            break
+        pose = solved
+    return pose
+
+
+def agreeing_lines(
+    pose: PanelPose, outlines: Sequence[Outline], ends_px: FloatArray, std_px: float
+) -> list[LineSegment]:
+    """Choose the segments that run along the panel's rows or columns, the longest first.
+
+    Parameters
+    ----------
+    pose
+        "ok" or "uncertain"; of another there are none.
+    outlines
+        The buttons; segments on them are their own sides or labels.
+    ends_px
+        Shape (n, 2, 2).
+    std_px
+        Standard deviation of their ends across, where they are exactly parallel.
+    """
+    if pose.status not in ("ok", "uncertain") or not len(ends_px) or not outlines:
+        return []
+    ends = ends_px[_apart(ends_px, outlines)]
+    ends = ends[_in_model(pose, ends)]
+    straight = pose.camera.undistort_points(ends.reshape(-1, 2)).reshape(-1, 2, 2)
+    middle, along = straight.mean(axis=1), straight[:, 1] - straight[:, 0]
+    off = np.empty((2, len(ends)))
+    limit = np.empty((2, len(ends)))
+    for k in range(2):
+        predicted, deviation = _predicted(pose, middle, k)
+        off[k] = np.abs(_wrapped(np.arctan2(along[:, 1], along[:, 0]) - predicted))
+        limit[k] = np.minimum(OFF_RAD + OFF_STD * deviation, MOST_RAD)
+    axis = off.argmin(axis=0)
+    every = np.arange(len(ends))
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    good = np.flatnonzero(off[axis, every] < limit[axis, every])
+    good = good[np.argsort(-length[good], kind="stable")][:MOST_LINES]
+    return [
+        LineSegment(AXES[axis[i]], ends[i], float(np.hypot(std_px, SLANT * length[i])))
+        for i in good
+    ]
+
+
+def _apart(ends: FloatArray, outlines: Sequence[Outline]) -> FloatArray:
+    """Which segments (n,) are long enough, and no button's own."""
+    boxes = boxes_px(outlines)
+    sides = boxes[:, 2:] - boxes[:, :2]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    long = length >= LENGTH * float(np.median(np.sqrt(sides.prod(axis=1))))
+    middle = ends.mean(axis=1)[:, None]
+    low, high = boxes[:, :2] - GROWN * sides, boxes[:, 2:] + GROWN * sides
+    on_button = ((middle > low) & (middle < high)).all(axis=2).any(axis=1)
+    return np.asarray((length >= LENGTH_PX) & (long | ~on_button))
+
+
+def _in_model(pose: PanelPose, ends: FloatArray) -> FloatArray:
+    """Which segments (n,) lie where the lens model holds."""
+    if not pose.camera.distorted:
+        return np.ones(len(ends), dtype=bool)
+    straight = pose.camera.undistort_points(ends.reshape(-1, 2))
+    return np.asarray(np.isfinite(straight).all(axis=1).reshape(-1, 2).all(axis=1))
+
+
+def _predicted(pose: PanelPose, middle: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
+    """Direction (n,) towards the axis' vanishing point at (n, 2), and its deviation, radians."""
+    here = _direction(pose, pose.rotation, middle, axis)
+    turns = [
+        _wrapped(_direction(pose, pose.rotation @ rotation_exp(step), middle, axis) - here)
+        for step in STEP * np.eye(3)
+    ]
+    jacobian = np.stack(turns, axis=1) / STEP
+    variance = np.einsum("ni,ij,nj->n", jacobian, pose.covariance, jacobian)
+    return here, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _direction(pose: PanelPose, rotation: FloatArray, middle: FloatArray, axis: int) -> FloatArray:
+    # Of a vanishing point v, homogeneous, which may be at infinity.
+    v = pose.camera.matrix @ rotation[axis]
+    toward = v[:2] - middle * v[2]
+    return np.asarray(np.arctan2(toward[:, 1], toward[:, 0]))
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    """Angles of lines, which have no direction: to -90 to 90 degrees."""
+    return np.asarray((angle + np.pi / 2) % np.pi - np.pi / 2)
