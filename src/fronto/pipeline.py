@@ -115,7 +115,7 @@ def rectify_outlines(
         )
 
     pose = solve(())
-    if find_lines and solver == "refine" and pose.status in ("ok", "uncertain"):
+    if find_lines and solver == "refine" and pose.status != "no_buttons":
         ends, std_px = straight_segments(_eight_bit(image))
         pose = with_lines(pose, outlines, ends, std_px, solve)
     posed = time.perf_counter()

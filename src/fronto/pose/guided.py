@@ -30,6 +30,8 @@ SLANT = 0.003
 MOST_LINES = 40
 #: Poses and lines are found in turns, at most so often.
 ROUNDS = 3
+#: What a rotation is taken for that the buttons alone do not determine (deviation).
+UNSURE_RAD = np.radians(10.0)
 #: Step of numerical derivatives, radians.
 STEP = 1e-4
 AXES: tuple[Axis, Axis] = ("horizontal", "vertical")
@@ -59,7 +61,7 @@ def with_lines(
 
     Returns
     -------
-    The last pose that is "ok" or "uncertain"; `pose` itself where it is neither, or where no
+    The last pose that is "ok" or "uncertain"; `pose` itself where there is none, or where no
     segment agrees with it.
     """
     chosen: set[bytes] = set()
@@ -84,7 +86,7 @@ def agreeing_lines(
     Parameters
     ----------
     pose
-        "ok" or "uncertain"; of another there are none.
+        The rotation may be a rough one ("degenerate").
     outlines
         The buttons; segments on them are their own sides or labels.
     ends_px
@@ -92,7 +94,7 @@ def agreeing_lines(
     std_px
         Standard deviation of their ends across, where they are exactly parallel.
     """
-    if pose.status not in ("ok", "uncertain") or not len(ends_px) or not outlines:
+    if not len(ends_px) or not outlines:
         return []
     ends = ends_px[_apart(ends_px, outlines)]
     ends = ends[_in_model(pose, ends)]
@@ -143,7 +145,9 @@ def _predicted(pose: PanelPose, middle: FloatArray, axis: int) -> tuple[FloatArr
         for step in STEP * np.eye(3)
     ]
     jacobian = np.stack(turns, axis=1) / STEP
-    variance = np.einsum("ni,ij,nj->n", jacobian, pose.covariance, jacobian)
+    known = bool(np.isfinite(pose.covariance).all())
+    covariance = pose.covariance if known else UNSURE_RAD**2 * np.eye(3)
+    variance = np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)
     return here, np.sqrt(np.maximum(variance, 0.0))
 
 

@@ -30,6 +30,8 @@ DETERMINED_STD_RAD = np.radians(15.0)
 #: second optimum is excluded only if it costs this much more.
 RIVAL_WITH_OUTLIERS = 40.0
 SMALL_PANEL = 4
+#: So many lines that agree with the buttons make up for there being few of them.
+ENOUGH_LINES = 4
 #: Two buttons leave so little to spare that noise alone now and then prefers a wrong pose.
 RIVAL_OF_TWO = 15.0
 #: Squared deviations (three degrees of freedom) that the covariance speaks for.
@@ -174,7 +176,11 @@ def judge(
         reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
     known = adjustment.model.focal_isd
     focal_std = np.sqrt(adjustment.common) / known if known > 0 else 0.0
-    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE:
+    lines = (
+        int((line_weights(adjustment, best) > SET_ASIDE).sum()) if len(adjustment.seen.axis) else 0
+    )
+    lined = lines >= ENOUGH_LINES and std <= OK_STD_RAD
+    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not lined:
         reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
     if n > 1 and (n - aside < 2 or (conflict and few)):
