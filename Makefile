@@ -50,6 +50,7 @@ figures: $(VENV)/.stamp-core ## render the examples and the documents' pictures 
 	$(BIN)/python tools/make_readme_figure.py docs/images/before_after.png
 	$(BIN)/python tools/make_segment_figure.py docs/images/segmentation.png
 	$(BIN)/python tools/make_outline_figure.py docs/images/outlines.png
+	$(BIN)/python tools/make_steps_figure.py docs/images/steps.png
 
 clean: ## remove everything that these targets have made
 	rm -rf $(VENV) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

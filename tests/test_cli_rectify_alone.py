@@ -44,9 +44,11 @@ def test_outlines_that_were_found_give_the_same(tmp_path: Path) -> None:
     hall = EXAMPLES / "hall.png"
     # A second look at the head-on view and lines that agree with a pose are not in the file.
     alone = ("--fast", "--no-lines")
+    camera = ("--camera", EXAMPLES / "camera.yaml")
     assert run("outline", hall, *alone, "-o", tmp_path / "found").exit_code == 0
-    assert run("rectify", hall, *alone, "-o", tmp_path / "a").exit_code == 0
-    given = run("rectify", hall, "--outlines", tmp_path / "found", "-o", tmp_path / "b")
+    assert run("rectify", hall, *camera, *alone, "-o", tmp_path / "a").exit_code == 0
+    found = ("--outlines", tmp_path / "found")
+    given = run("rectify", hall, *camera, *found, "-o", tmp_path / "b")
     assert given.exit_code == 0, given.output
     first, second = (
         json.loads((tmp_path / name / "hall.json").read_text(encoding="utf-8")) for name in "ab"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -19,8 +22,6 @@ Result = TypeVar("Result")
 
 #: Jobs handed out ahead of the one that is waited for, per process.
 AHEAD = 4
-#: What a worker process works with, made once in it.
-_work: list[Callable[[Any], Any]] = []
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def in_order(
             try:
                 result = future.result()
             except BrokenProcessPool:
-                pool.shutdown(wait=False)
+                # The other workers finish what they are at: it is done again below.
+                pool.shutdown(wait=True)
                 pool = _pool(make, processes)
                 suspects.extend([job, *(other for other, _ in under_way)])
                 under_way.clear()
@@ -96,23 +98,74 @@ def _pool(make: Callable[[], Any], processes: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(processes, mp_context=spawn, initializer=_begin, initargs=(make,))
 
 
+class _Worker:
+    """A process of the pool: it ends between two jobs, so that each file is finished."""
+
+    def __init__(self, make: Callable[[], Callable[[Any], Any]]) -> None:
+        self._make = make
+        self._work: Callable[[Any], Any] | None = None
+        self._busy = threading.Lock()
+
+    def do(self, job: Any) -> Any:
+        """Make what does jobs, if that is still to be done, and do this one with it."""
+        with self._busy:
+            self._work = self._work or self._make()
+            return self._work(job)
+
+    def leave(self) -> None:
+        """End the process as soon as it is idle."""
+        with self._busy:
+            os._exit(1)
+
+    def leave_with_parent(self) -> None:
+        """End the process when nobody is there any more to give it jobs."""
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            parent.join()
+            self.leave()
+
+
+#: Of this process, if it is one.
+_worker: list[_Worker] = []
+
+
 def _begin(make: Callable[[], Callable[[Any], Any]]) -> None:
-    # The parent decides what an interrupt means; each file is to be finished.
+    worker = _Worker(make)
+    _worker[:] = [worker]
+    # The parent decides what an interrupt means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _work[:] = [make()]
+    # So the pool ends the others when one of its processes has died.
+    signal.signal(
+        signal.SIGTERM, lambda *_: threading.Thread(target=worker.leave, daemon=True).start()
+    )
+    threading.Thread(target=worker.leave_with_parent, daemon=True).start()
 
 
 def _do(job: Any) -> Any:
-    return _work[0](job)
+    return _worker[0].do(job)
 
 
 def _submitted(pool: ProcessPoolExecutor, job: Job) -> Future[Any]:
     try:
-        return pool.submit(_do, job)
+        with _interrupts_held():
+            return pool.submit(_do, job)
     except BrokenProcessPool as error:
         failed: Future[Any] = Future()
         failed.set_exception(error)
         return failed
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Processes that are started inherit it: no interrupt reaches them before `_begin`."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _alone(job: Job, make: Callable[[], Callable[[Job], Result]]) -> Result | Crashed:

@@ -32,4 +32,7 @@ class InputError(FrontoError, ValueError):
         message = f"{thing}: {expected}"
         if remedy:
             message += f"; {remedy}"
-        super().__init__(" ".join(message.split()))
+        # A file name that is no Unicode reaches Python with lone surrogates, which no file or
+        # terminal takes.
+        printable = message.encode("utf-8", "replace").decode("utf-8")
+        super().__init__(" ".join(printable.split()))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.errors import InputError
-from fronto.imageio import MAX_PIXELS, read_image, upright_pixels
+from fronto.imageio import MAX_PIXELS, photo_name, read_image, upright_pixels
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -56,7 +56,7 @@ def as_rgb(image: Picture, *, order: Literal["rgb", "bgr"] = "rgb") -> npt.NDArr
         raise InputError("order", f'expected "rgb" or "bgr", got {order!r}')
     thing = "image"
     if isinstance(image, (str, Path)):
-        thing, pixels = f"photo {image}", read_image(image)
+        thing, pixels = photo_name(image), read_image(image)
     elif isinstance(image, np.ndarray):
         pixels = _colours(image, order)
     else:
@@ -132,7 +132,9 @@ def _bytes(pixels: npt.NDArray[Any], thing: str) -> npt.NDArray[np.uint8]:
         return np.asarray(pixels, dtype=np.uint8) * np.uint8(255)
     if kind.kind == "u" and kind.itemsize == 2:
         bits = max(int(pixels.max()).bit_length(), 8)
-        return np.asarray(np.right_shift(pixels, bits - 8), dtype=np.uint8)
+        narrow = np.empty(pixels.shape, np.uint8)
+        np.right_shift(pixels, bits - 8, out=narrow, casting="unsafe")  # and no wide copy
+        return narrow
     if kind.kind == "f":
         return _from_floats(pixels, thing)
     raise InputError(

@@ -48,7 +48,7 @@ def test_outlines_stay_where_the_picture_goes(scale: float) -> None:
     sample = Sample(drawn(PENTAGON, 640, 480), (Target("up", PENTAGON, True),), scale)
     offsets = []
     turned = set()
-    for seed in range(80):
+    for seed in range(120):
         cut = cut_out(sample, 160, np.random.default_rng(seed))
         assert cut.image.shape == (160, 160, 3)
         if not cut.objects:
@@ -68,6 +68,15 @@ def test_outlines_stay_where_the_picture_goes(scale: float) -> None:
     assert len(offsets) > 15
     assert np.abs(offsets).max() < 0.05
     assert turned == {-1.0, 1.0}  # mirrored or not
+
+
+def test_some_cuts_show_buttons_as_from_nearby() -> None:
+    sample = Sample(drawn(PENTAGON, 640, 480), (Target("up", PENTAGON, True),), 1.0)
+    area = abs(moments(PENTAGON)[0])
+    cuts = [cut_out(sample, 160, np.random.default_rng(seed)) for seed in range(400)]
+    zooms = [np.sqrt(abs(moments(c.objects[0].polygon)[0]) / area) for c in cuts if c.objects]
+    assert 0.03 < np.mean(np.array(zooms) > 2) < 0.25
+    assert max(zooms) < 3.5
 
 
 def test_cuts_of_a_large_picture_show_little_else() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -38,7 +40,7 @@ def test_shapes(network: Network, height: int, width: int, number: int) -> None:
 def test_options_keep_the_shapes(stride: int, separable: bool) -> None:
     options = NetworkOptions(channels=6, decoder=4, output_stride=stride, separable=separable)
     network = Network(options).eval()
-    deep = network.backbone(torch.rand(1, 3, 64, 64))[2]
+    deep = network.backbone(torch.rand(1, 3, 64, 64))[-1]
     assert deep.shape[2:] == (64 // stride, 64 // stride)
     assert network(torch.rand(1, 3, 64, 64)).masks.shape == (1, 2, 64, 64)
 
@@ -71,6 +73,28 @@ def test_mask_logits_are_those_of_the_classes() -> None:
     masks = mask_logits(logits).sigmoid()
     assert torch.allclose(masks[:, 0], p[:, 1:-1].sum(dim=1), atol=1e-6)
     assert torch.allclose(masks[:, 1], p[:, -1], atol=1e-6)
+
+
+@torch.no_grad()
+def test_details_change_the_buttons_masks_only() -> None:
+    torch.manual_seed(3)
+    network = Network(SMALL).eval()
+    picture = torch.rand(1, 3, 64, 64)
+    plain = network(picture)
+    coarse = Network(replace(SMALL, details=0)).eval()
+    state = network.state_dict()
+    coarse.load_state_dict({k: state[k] for k in coarse.state_dict()})
+    # Untrained they add nothing.
+    assert all(torch.equal(a, b) for a, b in zip(plain, coarse(picture), strict=True))
+    assert network.details is not None
+    torch.nn.init.normal_(network.details.last.weight)
+    sharp = network(picture)
+    assert not torch.allclose(sharp.masks[:, 0], plain.masks[:, 0], atol=1e-3)
+    assert torch.equal(sharp.masks[:, 1], plain.masks[:, 1])
+    # At stride 1: neighbouring pixels of one cell differ by more than a bilinear map's do.
+    added = (sharp.masks - plain.masks)[0, 0]
+    bend = added[:, 1:-2:4] - 2 * added[:, 2:-1:4] + added[:, 3::4]
+    assert bend.abs().max() > 1e-3
 
 
 @torch.no_grad()

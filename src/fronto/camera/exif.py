@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fronto.camera.checks import same_aspect
 from fronto.camera.model import Camera
-from fronto.errors import InputError
+from fronto.imageio import open_image
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -25,6 +25,9 @@ PIXEL_X_DIMENSION, PIXEL_Y_DIMENSION = 0xA002, 0xA003
 FOCAL_PLANE_X_RESOLUTION, FOCAL_PLANE_Y_RESOLUTION = 0xA20E, 0xA20F
 FOCAL_PLANE_RESOLUTION_UNIT = 0xA210
 FOCAL_LENGTH_IN_35MM_FILM = 0xA405
+
+#: A chunk's type, or the keyword of a text that holds the data.
+PNG_MARKERS = (b"eXIf", b"Raw profile type exif")
 
 #: Diagonal of the 24 x 36 mm frame: CIPA DCG-001 defines the equivalent by the diagonal.
 DIAGONAL_35MM = math.hypot(24.0, 36.0)
@@ -59,21 +62,16 @@ def camera_from_exif(image: str | Path | Image.Image) -> Camera | None:
 
     if isinstance(image, Image.Image):
         return _camera(image)
-    path = Path(image)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            opened = Image.open(path)
-    except FileNotFoundError:
-        raise InputError(f"photo {path}", "no such file", "check the path") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"photo {path}",
-            f"expected a readable image ({type(error).__name__})",
-            "convert it to JPEG or PNG",
-        ) from None
-    with opened:
+    with open_image(image) as opened:
+        if opened.format == "PNG" and not _mentions_exif(Path(image)):
+            return None
         return _camera(opened)
+
+
+def _mentions_exif(path: Path) -> bool:
+    """Whether a PNG has EXIF data anywhere; Pillow would decode all pixels to find out."""
+    content = path.read_bytes()
+    return any(marker in content for marker in PNG_MARKERS)
 
 
 def _camera(image: Image.Image) -> Camera | None:

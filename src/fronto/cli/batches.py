@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import secrets
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,7 @@ from fronto.batch import Crashed, in_order
 from fronto.cli.rectifying import Job, Outcome, Settings, failed
 from fronto.cli.shared import say
 from fronto.errors import InputError
+from fronto.files import make_folder
 
 __all__ = ["Counts", "JsonLines", "run_photos"]
 
@@ -52,6 +54,8 @@ def run_photos(
     """
     if not jobs:
         return Counts()
+    if jsonl is not None:
+        _check_jsonl(jsonl, jobs, settings)
     if processes > 1 and settings.threads is None:
         from dataclasses import replace
 
@@ -74,6 +78,27 @@ def run_photos(
     return counts
 
 
+def _check_jsonl(jsonl: Path, jobs: Sequence[Job], settings: Settings) -> None:
+    """Refuse a file that is an input, or that a result is written to.
+
+    Raises
+    ------
+    InputError
+        Naming it.
+    """
+    kept = [settings.weights, settings.template_file, settings.source.file]
+    for job in jobs:
+        kept += [job.photo, job.outlines]
+        kept += [settings.output / name for name in settings.names(job.stem)]
+    # realpath, unlike Path.resolve, takes any name: a bad photo is told of when it is read.
+    if os.path.realpath(jsonl) in {os.path.realpath(path) for path in kept if path is not None}:
+        raise InputError(
+            f"--jsonl {jsonl}",
+            "expected a file of its own, got an input or the result of one photo",
+            "choose another name",
+        )
+
+
 def _crashed(job: Job) -> Outcome:
     name = click.format_filename(job.photo.name)
     what = InputError(
@@ -94,6 +119,9 @@ class JsonLines:
 
     def __enter__(self) -> JsonLines:
         if self.path is not None:
+            make_folder(self.path.parent)
+            if os.path.isdir(self.path):  # noqa: PTH112, of any name: Path.is_dir raises for some
+                raise InputError(f"--jsonl {self.path}", "expected a file, got a folder")
             self.part = self.path.with_name(f".{secrets.token_hex(8)}.part")
             try:
                 self.file = self.part.open("xb")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections import Counter
@@ -35,9 +36,10 @@ PHOTOS = frozenset(
     )
 )
 VIDEOS = frozenset([".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".wmv"])
-#: Pictures that fronto itself has written are no photos.
+#: Pictures that fronto itself has written are no photos; nor are hidden files.
 OWN = re.compile(
-    r".*\.(overlay|rectified|segments|outlines|steps|before_after)\.png", re.IGNORECASE
+    r".*\.(overlay|rectified|segments|outlines|steps|before_after)\.png|.*\.rectified\.mp4|\..*",
+    re.IGNORECASE,
 )
 MAX_STDIN_BYTES = 200_000_000
 
@@ -59,9 +61,9 @@ def expanded(arguments: Iterable[Path]) -> list[Path]:
     """
     found: list[Path] = []
     for argument in arguments:
-        if argument.is_dir():
+        if os.path.isdir(argument):  # noqa: PTH112, of any name: Path.is_dir raises for some
             found += _of_folder(argument)
-        elif has_magic(str(argument)) and not argument.exists():
+        elif has_magic(str(argument)) and not os.path.exists(argument):  # noqa: PTH110
             # Shells expand patterns themselves, but for quoted ones, and not on Windows.
             matching = [Path(name) for name in glob(str(argument), recursive=True)]  # noqa: PTH207
             files = sorted((p for p in matching if _is_picture(p)), key=_order)
@@ -74,7 +76,11 @@ def expanded(arguments: Iterable[Path]) -> list[Path]:
             found += files
         else:
             found.append(argument)
-    return list(dict.fromkeys(found))
+    once: dict[str, Path] = {}
+    for path in found:
+        # Two links to one photo have names of their own, as a result of each should have.
+        once.setdefault(os.path.join(os.path.realpath(path.parent), path.name), path)  # noqa: PTH118
+    return list(once.values())
 
 
 def _of_folder(folder: Path) -> list[Path]:

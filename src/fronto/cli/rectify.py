@@ -132,7 +132,10 @@ MANY = 8
     "--resume", is_flag=True, help="Leave results that are there, made with the same settings."
 )
 @click.option(
-    "--jsonl", type=FILE, metavar="FILE", help="Also write all results here, one JSON a line."
+    "--jsonl",
+    type=FILE,
+    metavar="FILE",
+    help="Also write the results of all photos here, one JSON a line.",
 )
 @click.option(
     "--device", type=click.IntRange(min=0), metavar="INDEX", help="Take the video of this camera."
@@ -220,6 +223,8 @@ def command(
             videos.append(VideoJob(device, f"camera{device}"))
         if videos and (outlines is not None or solving["solver"] != "refine" or template_file):
             raise click.UsageError("videos know no --outlines, --solver grid and --template")
+        if videos and (show_steps or before_after):
+            raise click.UsageError("videos know no --show-steps and --before-after")
         others = [camera_file, template_file, weights, options_file]
         work = _jobs([path for path in files if not is_video(path)], outlines, settings, others)
         if jobs is None:

@@ -113,13 +113,18 @@ class Settings:
         ]
         return (*output_names(stem), *more)
 
-    @property
-    def run(self) -> str:
-        """A digest of what results depend on: other settings, another digest."""
+    def run(self, outlines: Path | None) -> str:
+        """A digest of what a result depends on beside the photo: other settings, another digest.
+
+        Parameters
+        ----------
+        outlines
+            The photo's; None where the network finds them.
+        """
         from fronto._version import __version__
         from fronto.engine import find_weights
 
-        files = [self.weights or find_weights(), self.template_file, self.source.file]
+        files = [outlines or self.weights or find_weights(), self.template_file, self.source.file]
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
         digest = hashlib.sha256(repr(stated).encode())
         for path in files:
@@ -135,7 +140,7 @@ class _Work:
         from fronto.templatefile import read_template
 
         self.settings = settings
-        self.run = settings.run
+        self._network_run = ""
         template = settings.template_file
         self.template = None if template is None else read_template(template)
         self.solving = dict(settings.solving)
@@ -179,11 +184,10 @@ class _Work:
                 panel = self._given(image, camera, job.outlines, name)
         panel = replace(panel, image=name)
         more = self._pictures(image, panel)
-        files = write_panel(
-            panel, image, self.settings.output, job.stem, run=self.run, pictures=more
-        )
+        run = self._run(job)
+        files = write_panel(panel, image, self.settings.output, job.stem, run=run, pictures=more)
         rectified = None if files.rectified is None else files.rectified.name
-        values = panel_to_dict(panel, rectified, self.run)
+        values = panel_to_dict(panel, rectified, run)
         return Outcome(verdict(panel, files), panel.status, _encoded(values))
 
     def _pictures(self, image: npt.NDArray[Any], panel: Panel) -> dict[str, npt.NDArray[Any]]:
@@ -205,20 +209,30 @@ class _Work:
             pictures["before_after"] = draw_before_after(rgb, panel)
         return pictures
 
+    def _run(self, job: Job) -> str:
+        if job.outlines is not None:
+            return self.settings.run(job.outlines)
+        self._network_run = self._network_run or self.settings.run(None)
+        return self._network_run
+
     def _done(self, job: Job) -> Outcome | None:
-        """What is there already, of the same photo and with the same settings."""
+        """What is there already, whole, of the same photo and with the same settings."""
         import msgspec
 
-        path = self.settings.output / f"{job.stem}.json"
+        folder = self.settings.output
+        path = folder / f"{job.stem}.json"
         try:
             content = path.read_bytes()
             values = msgspec.json.decode(content)
             newer = path.stat().st_mtime_ns >= job.photo.stat().st_mtime_ns
             status, name = str(values["status"]), str(values["image"])
-            same = values["run"] == self.run and name == click.format_filename(job.photo.name)
-        except (OSError, ValueError, KeyError, TypeError):
+            same = values["run"] == self._run(job) and name == click.format_filename(job.photo.name)
+            without = None if values["rectified"] else f"{job.stem}.rectified.png"
+            pictures = [n for n in self.settings.names(job.stem) if n != without]
+            whole = all((folder / picture).is_file() for picture in pictures)
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
-        if not (newer and same):
+        if not (newer and same and whole):
             return None
         return Outcome(f"{name}: {status}, done before -> {path}", status, _encoded(values))
 

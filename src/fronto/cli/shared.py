@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -69,7 +70,7 @@ POSITIVE = FiniteRange(min=0, min_open=True)
 def network_options(command: Command) -> Command:
     """Options of a command that looks for buttons: which network, and how."""
     for option in (
-        click.option("--fast", is_flag=True, help="No second look at small buttons."),
+        click.option("--fast", is_flag=True, help="One look only, at the photo as a whole."),
         click.option(
             "--min-confidence",
             type=FiniteRange(0, 1),
@@ -216,7 +217,8 @@ def check_outputs(
     """
     if output.exists() and not output.is_dir():
         raise InputError(f"--output {output}", "expected a folder, got a file", "choose another")
-    kept = {path.resolve() for path in inputs}
+    # Not Path.resolve: it raises where symbolic links go round in a circle.
+    kept = {os.path.realpath(path) for path in inputs}
     seen: dict[str, Path] = {}
     for photo, stem in zip(photos, stems or [photo.stem for photo in photos], strict=True):
         # Some file systems do not tell upper from lower case.
@@ -228,7 +230,7 @@ def check_outputs(
                 "rename one, or use another folder for it",
             )
         for name in names(stem):
-            if (output / name).resolve() in kept:
+            if os.path.realpath(output / name) in kept:
                 raise InputError(
                     f"--output {output}",
                     f"expected a folder where results overwrite no input, got {name} in it",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ import click
 
 from fronto.cli.batches import Counts, JsonLines
 from fronto.cli.rectifying import Settings
-from fronto.cli.shared import counted, say
+from fronto.cli.shared import check_outputs, counted, say
 from fronto.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from fronto.video import Frame
 
 __all__ = ["VideoJob", "run_videos"]
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,20 @@ def run_videos(
         Stop after so many; None: at the end.
     quiet
         Print errors only.
+
+    Raises
+    ------
+    InputError
+        If results would overwrite each other or a video; of one video that cannot be used it
+        is told, and the others are taken.
     """
     if not jobs:
         return Counts()
     from fronto.engine import Engine
     from fronto.files import make_folder
 
+    sources = [Path(job.name if isinstance(job.source, int) else job.source) for job in jobs]
+    check_outputs(sources, settings.output, _names, sources, [job.stem for job in jobs])
     engine = Engine(settings.weights, threads=settings.threads)
     make_folder(settings.output)
     counts = Counts()
@@ -75,10 +86,20 @@ def run_videos(
             say(f"Error: {error}", err=True)
             counts += Counts(1, 1, 0)
             continue
+        except Exception as error:  # a flaw of ours must not cost the other videos
+            log.exception("video %s", job.source)
+            what = f"video {job.source}: {type(error).__name__}: {error}"
+            say(f"Error: {what}; a flaw of fronto, please report it with the video", err=True)
+            counts += Counts(1, 1, 0)
+            continue
         counts += Counts(1, 0, not ok)
         if not quiet:
             say(line)
     return counts
+
+
+def _names(stem: str) -> tuple[str, str]:
+    return f"{stem}.rectified.mp4", f"{stem}.jsonl"
 
 
 def _run(
@@ -89,12 +110,9 @@ def _run(
 
     from fronto.rectifier import Rectifier
     from fronto.video import VideoRectifier, VideoWriter, frames, video_record
+    from fronto.videoreader import RATES_HZ
 
-    output, records = (settings.output / f"{job.stem}.{end}" for end in ("rectified.mp4", "jsonl"))
-    if output.resolve() == Path(str(job.source)).resolve():
-        raise InputError(
-            f"--output {settings.output}", "expected a folder where no input is overwritten"
-        )
+    output, records = (settings.output / name for name in _names(job.stem))
     stream = frames(job.source, every=every)
     first = next(stream)
     # A video's frames confirm each other: one look at each is enough.
@@ -104,7 +122,7 @@ def _run(
     seen: Counter[str] = Counter()
     with (
         JsonLines(records) as lines,
-        VideoWriter(output, first.rate_hz / every) as writer,
+        VideoWriter(output, max(first.rate_hz, RATES_HZ[0])) as writer,
         contextlib.suppress(KeyboardInterrupt),
     ):
         for frame in islice(_with_first(first, stream), most):

@@ -7,7 +7,9 @@ the buttons tells, with its deviation, which segments those can be; they make it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +32,12 @@ SLANT = 0.003
 MOST_LINES = 40
 #: Poses and lines are found in turns, at most so often.
 ROUNDS = 3
+#: Some of any segments agree with any pose, and turn it to agree with them even better. So it
+#: takes more of them than chance would give with this probability ...
+CHANCE = 0.05
+#: ... and of the pose that they have made this share, or more than chance would give with this
+#: probability besides the three that any rotation can be turned to.
+SHARE, LAST_CHANCE, FREE = 0.4, 0.001, 3
 #: What a rotation is taken for that the buttons alone do not determine (deviation).
 UNSURE_RAD = np.radians(10.0)
 #: Step of numerical derivatives, radians.
@@ -62,9 +70,11 @@ def with_lines(
     Returns
     -------
     The last pose that is "ok" or "uncertain"; `pose` itself where there is none, or where no
-    segment agrees with it.
+    more segments agree with it than would of those that run anyhow.
     """
-    chosen: set[bytes] = set()
+    alone, chosen = pose, set[bytes]()
+    if _chance(_compared(pose, outlines, ends_px)) > CHANCE:
+        return alone
     for _ in range(ROUNDS):
         lines = agreeing_lines(pose, outlines, ends_px, std_px)
         found = {line.ends_px.tobytes() for line in lines}
@@ -75,7 +85,10 @@ def with_lines(
         if solved.status not in ("ok", "uncertain"):
             break
         pose = solved
-    return pose
+    compared = _compared(pose, outlines, ends_px)
+    agree = compared.off < compared.limit
+    trusted = agree.any(axis=0).mean() >= SHARE or _chance(compared, FREE) < LAST_CHANCE
+    return pose if trusted else alone
 
 
 def agreeing_lines(
@@ -94,8 +107,29 @@ def agreeing_lines(
     std_px
         Standard deviation of their ends across, where they are exactly parallel.
     """
+    ends, off, limit = _compared(pose, outlines, ends_px)
+    axis = off.argmin(axis=0)
+    every = np.arange(len(ends))
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    good = np.flatnonzero(off[axis, every] < limit[axis, every])
+    good = good[np.argsort(-length[good], kind="stable")][:MOST_LINES]
+    return [
+        LineSegment(AXES[axis[i]], ends[i], float(np.hypot(std_px, SLANT * length[i])))
+        for i in good
+    ]
+
+
+class _Compared(NamedTuple):
+    """Segments (m, 2, 2) that may be lines; how far off both axes they are, and may be, (2, m)."""
+
+    ends: FloatArray
+    off: FloatArray
+    limit: FloatArray
+
+
+def _compared(pose: PanelPose, outlines: Sequence[Outline], ends_px: FloatArray) -> _Compared:
     if not len(ends_px) or not outlines:
-        return []
+        return _Compared(np.zeros((0, 2, 2)), np.zeros((2, 0)), np.zeros((2, 0)))
     ends = ends_px[_apart(ends_px, outlines)]
     ends = ends[_in_model(pose, ends)]
     straight = pose.camera.undistort_points(ends.reshape(-1, 2)).reshape(-1, 2, 2)
@@ -106,15 +140,15 @@ def agreeing_lines(
         predicted, deviation = _predicted(pose, middle, k)
         off[k] = np.abs(_wrapped(np.arctan2(along[:, 1], along[:, 0]) - predicted))
         limit[k] = np.minimum(OFF_RAD + OFF_STD * deviation, MOST_RAD)
-    axis = off.argmin(axis=0)
-    every = np.arange(len(ends))
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-    good = np.flatnonzero(off[axis, every] < limit[axis, every])
-    good = good[np.argsort(-length[good], kind="stable")][:MOST_LINES]
-    return [
-        LineSegment(AXES[axis[i]], ends[i], float(np.hypot(std_px, SLANT * length[i])))
-        for i in good
-    ]
+    return _Compared(ends, off, limit)
+
+
+def _chance(compared: _Compared, free: int = 0) -> float:
+    """Probability that so many agree, less the `free` ones, if they ran anyhow (Poisson)."""
+    count = int((compared.off < compared.limit).any(axis=0).sum()) - free
+    expected = float((2 * compared.limit / np.pi).sum())
+    fewer = (math.exp(k * math.log(expected) - expected - math.lgamma(k + 1)) for k in range(count))
+    return 1.0 - sum(fewer)
 
 
 def _apart(ends: FloatArray, outlines: Sequence[Outline]) -> FloatArray:

@@ -152,7 +152,10 @@ def adjust(
         return Adjustment((), model, seen, common=common)
     only_circles = not bool((seen.kind == QUAD).any())
     shared = _Shared(square, aligned, focal_isd, template, model.line_c2)
-    beginnings = _upright_lattices(found, model) if only_circles else [found]
+    # A few quads among circles may be badly cut ones: the lattice has its say as well.
+    beginnings = [] if only_circles else [found]
+    if only_circles or _mostly_circles(seen):
+        beginnings += _upright_lattices(found, model)
     tried = [_with_structure(seen, model, start, shared) for start in beginnings]
     tried.sort(key=lambda item: item[0])
     _, model, found = tried[0]
@@ -216,7 +219,7 @@ def _settled(
             break
         score = solutions[0].cost + penalty
         score += UNTIED * np.count_nonzero(tied.tie_index[:, ::2] < 0)
-        if not (seen.kind == QUAD).any():
+        if _mostly_circles(seen):
             score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
         best = min(best, (score, tied, solutions), key=lambda item: item[0])
         moved = (solutions[0].rotation * starts[0].rotation).sum() < SAME_TRACE
@@ -298,6 +301,11 @@ def _misfit(solution: Solution, model: Model, seen: Observations) -> float:
     """χ² of the typical button over its expectation."""
     shared = (model.size - 3) / len(solution.chi2)
     return float(middle(solution.chi2 / np.maximum(freedom(seen) - shared, 2.0)))
+
+
+def _mostly_circles(seen: Observations) -> bool:
+    quads = int((seen.kind == QUAD).sum())
+    return 2 * quads < len(seen.kind)
 
 
 def _roll(rotation: FloatArray) -> float:

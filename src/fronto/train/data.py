@@ -122,6 +122,8 @@ def _corners(box: tuple[float, float, float, float]) -> FloatArray:
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
 
 
+#: Zoom of a few cuts: buttons as large as in photos from nearby, which the others rarely show.
+NEAR, NEAR_SHARE = (0.4, 1.2), 0.15
 #: Zoom, change of the aspect ratio (both as logarithms), rotation in degrees of exact and
 #: inexact outlines: a turned box fits its button less and less.
 ZOOM, ASPECT, TURN_EXACT, TURN_BOX = (-0.45, 0.5), 0.22, 10.0, 3.0
@@ -138,7 +140,8 @@ def cut_out(sample: Sample, size: int, rng: np.random.Generator) -> Sample:
     """
     image, objects, scale = sample.image, sample.objects, sample.scale
     exact = all(o.exact for o in objects)
-    zoom = scale * float(np.exp(rng.uniform(*ZOOM)))
+    zooms = NEAR if rng.random() < NEAR_SHARE else ZOOM
+    zoom = scale * float(np.exp(rng.uniform(*zooms)))
     while zoom < 0.6:
         # Linear interpolation would alias.
         half = (max(1, image.shape[1] // 2), max(1, image.shape[0] // 2))

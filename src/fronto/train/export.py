@@ -138,7 +138,9 @@ def load_onnx(path: Path) -> Network:
     try:
         model = onnx.load(path)
         metadata = {entry.key: entry.value for entry in model.metadata_props}
-        options = msgspec.json.decode(metadata["network"], type=NetworkOptions)
+        # Networks of earlier versions have no such branch, and do not say so.
+        stated = {"details": 0} | msgspec.json.decode(metadata["network"])
+        options = msgspec.convert(stated, NetworkOptions)
     except FileNotFoundError:
         raise InputError(f"weights {path}", "expected a file, there is none") from None
     except Exception as error:  # protobuf and onnx raise whatever the bytes provoke

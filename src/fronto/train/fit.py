@@ -163,7 +163,9 @@ def load_checkpoint(path: Path) -> Network:
     """
     state = _read(path)
     options = state["network_options"]
-    network = Network(NetworkOptions(**options | {"rates": tuple(options["rates"])}))
+    # Networks of earlier versions have no details, and do not say so.
+    stated = {"details": 0} | options | {"rates": tuple(options["rates"])}
+    network = Network(NetworkOptions(**stated))
     network.load_state_dict(_module_state(state["averaged"]))
     return network.eval()
 

@@ -57,6 +57,8 @@ class NetworkOptions:
         Dilation of the pyramid's three atrous convolutions, at output stride 16.
     blocks
         MobileNetV2's inverted residuals that are used, 14 to 17.
+    details
+        Channels of the branch at stride 2 that sharpens the buttons' masks; 0: none.
     """
 
     channels: int = 128
@@ -65,6 +67,7 @@ class NetworkOptions:
     separable: bool = True
     rates: tuple[int, int, int] = (6, 12, 18)
     blocks: int = 16
+    details: int = 8
 
 
 class Maps(NamedTuple):
@@ -146,7 +149,7 @@ class _InvertedResidual(nn.Module):
 
 
 class _Backbone(nn.Module):
-    """MobileNetV2 without its classifier; its features at strides 4, 8 and at the end."""
+    """MobileNetV2 without its classifier; its features at strides 2, 4, 8 and at the end."""
 
     def __init__(self, output_stride: int, count: int) -> None:
         super().__init__()
@@ -176,16 +179,18 @@ class _Backbone(nn.Module):
         self.blocks = nn.ModuleList(blocks)
         self.channels = inputs
 
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         x = self.stem(x)
-        low, middle = x, x
+        fine, low, middle = x, x, x
         for k, block in enumerate(self.blocks):
             x = block(x)
-            if k == self.taps[24]:
+            if k == self.taps[16]:
+                fine = x
+            elif k == self.taps[24]:
                 low = x
             elif k == self.taps[32]:
                 middle = x
-        return low, middle, x
+        return fine, low, middle, x
 
 
 class _AtrousPyramid(nn.Module):
@@ -224,6 +229,28 @@ def _resize(x: Tensor, size: torch.Size | tuple[int, int]) -> Tensor:
     return F.interpolate(x, size=tuple(size), mode="bilinear", align_corners=False)
 
 
+class _Details(nn.Module):
+    """What the masks of buttons lack at stride 4: their edges and corners, from stride 2.
+
+    Gives (N, 1, H, W) logits to be added; nothing as long as it is untrained.
+    """
+
+    def __init__(self, inputs: int, fine: int, width: int) -> None:
+        super().__init__()
+        self.coarse = _conv(inputs, width, 1)
+        self.fine = _conv(fine, width, 1)
+        self.both = _conv3(2 * width, 2 * width, separable=True)
+        self.last = nn.Conv2d(2 * width, 4, 1)
+        nn.init.zeros_(self.last.weight)
+        assert self.last.bias is not None
+        nn.init.zeros_(self.last.bias)
+
+    def forward(self, y: Tensor, fine: Tensor) -> Tensor:
+        coarse = _resize(self.coarse(y), fine.shape[2:])
+        x = self.last(self.both(torch.cat([coarse, self.fine(fine)], dim=1)))
+        return F.pixel_shuffle(x, 2)
+
+
 class Network(nn.Module):
     """The segmentation network.
 
@@ -243,6 +270,7 @@ class Network(nn.Module):
             _conv3(width, width, separable=options.separable),
         )
         self.classes = nn.Conv2d(width, len(CATEGORIES), 1)
+        self.details = _Details(width, 16, options.details) if options.details else None
         self.instances = nn.Sequential(
             _conv3(width, width // 2, separable=options.separable), nn.Conv2d(width // 2, 6, 1)
         )
@@ -254,7 +282,7 @@ class Network(nn.Module):
 
     def forward(self, image: Tensor) -> Maps:
         """Compute the maps of (N, 3, H, W) pictures."""
-        low, middle, deep = self.backbone(image)
+        fine, low, middle, deep = self.backbone(image)
         size = low.shape[2:]
         y = torch.cat(
             [_resize(self.pyramid(deep), size), self.low(low), _resize(self.middle(middle), size)],
@@ -263,8 +291,11 @@ class Network(nn.Module):
         y = self.decoder(y)
         classes = self.classes(y)
         instances = self.instances(y)
+        masks = _resize(mask_logits(classes), image.shape[2:])
+        if self.details is not None:
+            masks = torch.cat([masks[:, :1] + self.details(y, fine), masks[:, 1:]], dim=1)
         return Maps(
-            masks=_resize(mask_logits(classes), image.shape[2:]),
+            masks=masks,
             classes=classes,
             centers=instances[:, :2],
             sides=instances[:, 2:].clamp(max=7.0).exp(),
