@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 
 import numpy as np
 import pytest
@@ -247,3 +248,15 @@ class TestPillow:
         image = Image.open(content)
         image.close()
         refusal(image)
+
+
+def test_errors_travel_between_processes() -> None:
+    error = InputError("photo \udcff.jpg", "expected one, got none", "look again")
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert (again.thing, again.expected, again.remedy) == (
+        error.thing,
+        error.expected,
+        error.remedy,
+    )
+    str(error).encode()

@@ -220,6 +220,8 @@ def test_a_camera_that_is_not_there(tmp_path: Path) -> None:
         ("--outlines", EXAMPLES / "hall.outlines.json"),
         ("--solver", "grid"),
         ("--template", "panel.yaml"),
+        ("--show-steps",),
+        ("--before-after",),
         ("--every", 0),
         ("--frames", 0),
     ],

@@ -36,3 +36,6 @@ class InputError(FrontoError, ValueError):
         # terminal takes.
         printable = message.encode("utf-8", "replace").decode("utf-8")
         super().__init__(" ".join(printable.split()))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        return type(self), (self.thing, self.expected, self.remedy)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from fronto.camera import Camera
 from fronto.errors import InputError
+from fronto.images import as_rgb
 from fronto.outlines.straight import straight_segments
 from fronto.pose import Template, estimate_pose
 from fronto.pose.guided import with_lines
@@ -116,7 +117,7 @@ def rectify_outlines(
 
     pose = solve(())
     if find_lines and solver == "refine" and pose.status != "no_buttons":
-        ends, std_px = straight_segments(_eight_bit(image))
+        ends, std_px = straight_segments(as_rgb(image))
         pose = with_lines(pose, outlines, ends, std_px, solve)
     posed = time.perf_counter()
     view = None
@@ -143,16 +144,6 @@ def rectify_outlines(
         },
         notes=notes,
     )
-
-
-def _eight_bit(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """The colours, or grey, as `straight_segments` takes them."""
-    pixels = (
-        image[..., :3] if image.ndim == 3 and image.shape[2] > 1 else image.reshape(image.shape[:2])
-    )
-    if pixels.dtype.kind == "f":
-        return np.asarray(np.clip(255 * pixels, 0, 255), np.uint8)
-    return np.asarray(pixels >> 8 if pixels.dtype == np.uint16 else pixels, np.uint8)
 
 
 def _size(image: npt.NDArray[Any]) -> tuple[int, int]:

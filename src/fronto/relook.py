@@ -130,7 +130,8 @@ def _in_photo(
     """Outlines of a view in the photo's pixels; those that have no image there are left out."""
     found = []
     for o in outlines:
-        # What cuts a button off here is the view's border, not the photo's.
+        if o.truncated:  # by the view's border, not the photo's
+            continue
         near = map_points(view, o.center_px + np.array([[0, 0], [1, 0], [0, 1]]), inverse=True)
         center, across, down = near
         (ax, ay), (bx, by) = across - center, down - center

@@ -179,15 +179,17 @@ def judge(
     lines = (
         int((line_weights(adjustment, best) > SET_ASIDE).sum()) if len(adjustment.seen.axis) else 0
     )
-    lined = lines >= ENOUGH_LINES and std <= OK_STD_RAD
-    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not lined:
+    lined = lines >= ENOUGH_LINES and std_given_focal <= OK_STD_RAD
+    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not (lined and std <= OK_STD_RAD):
         reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
     if n > 1 and (n - aside < 2 or (conflict and few)):
         reasons.append("the outlines contradict each other and are too few to tell which is wrong")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
-    elif not small and adjustment.sigma_factor > 1 and _above(adjustment) > CONTRADICTION:
+    elif (
+        not (small or lined) and adjustment.sigma_factor > 1 and _above(adjustment) > CONTRADICTION
+    ):
         reasons.append("the outlines do not fit one flat panel of such buttons in rows and columns")
     if sigma_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
         reasons.append(
