@@ -45,8 +45,7 @@ docs: $(VENV)/.stamp-docs ## build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "Open site/index.html"
 
-figures: $(VENV)/.stamp-core ## render the examples and the documents' pictures again
-	$(BIN)/python tools/make_examples.py examples
+figures: $(VENV)/.stamp-core ## draw the documents' pictures again (examples: tools/render_photoreal.py)
 	$(BIN)/python tools/make_readme_figure.py docs/images/before_after.png
 	$(BIN)/python tools/make_segment_figure.py docs/images/segmentation.png
 	$(BIN)/python tools/make_outline_figure.py docs/images/outlines.png

@@ -83,7 +83,7 @@ def test_python_runs_as_written(
     else:
         # Where the example's second button was rendered, metres.
         position = re.findall(r"-?\d+\.\d+", capsys.readouterr().out)
-        assert [float(x) for x in position] == pytest.approx([-0.010, 0.025, 0.215], abs=0.005)
+        assert [float(x) for x in position] == pytest.approx([0.006, 0.003, 0.208], abs=0.005)
 
 
 def typed() -> Iterator[tuple[str, str]]:

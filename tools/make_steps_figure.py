@@ -17,7 +17,7 @@ from fronto.images import as_rgb
 
 PHOTO = Path(__file__).resolve().parent.parent / "examples" / "car.png"
 #: Letters stay legible; with all of its colours the file would be four times as large.
-WIDTH, COLORS = 1150, 96
+WIDTH, COLORS = 1100, 80
 #: Rounds that improve the palette.
 ROUNDS = 2
 
