@@ -21,6 +21,15 @@ from fronto.batch import AHEAD, Crashed, in_order
 
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX systems")
 
+
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C arrive also where the tests run in a shell's background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 #: Processes are spawned: they import what they do.
 WORK = '''
 import os, signal, time

@@ -29,6 +29,14 @@ MATRIX = np.array([[250.0, 0.0, 160.0], [0.0, 250.0, 120.0], [0.0, 0.0, 1.0]])
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")
 
 
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C arrive also where the tests run in a shell's background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def quads() -> np.ndarray:
     """Six buttons in two columns, seen by the camera above: exact corners (6, 4, 2)."""
     centers = np.array([(x, y) for y in (0.25, 0.45, 0.65) for x in (0.27, 0.52)])
