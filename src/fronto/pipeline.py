@@ -21,7 +21,7 @@ from fronto.results import Button, Panel, PanelPose, RectifiedView
 from fronto.shapes import Ellipse, FloatArray, LineSegment, Outline
 from fronto.warp import Crop, map_ellipse, map_points, warp_panel
 
-__all__ = ["rectify_outlines"]
+__all__ = ["crossings", "rectify_outlines"]
 
 #: A change of the asked scale that needs no note.
 SCALE_KEPT = 0.01
@@ -189,7 +189,7 @@ def _buttons(
             given = np.concatenate([outlines[k].corners_px for k in quads])
             rectified = map_points(view, given).reshape(-1, 4, 2)
             corners = dict(zip(quads, rectified, strict=True))
-            centers = dict(zip(quads, _crossings(rectified), strict=True))
+            centers = dict(zip(quads, crossings(rectified), strict=True))
         for k, outline in enumerate(outlines):
             ellipse = None if outline.ellipse_px is None else _mapped(view, outline.ellipse_px)
             if ellipse is not None:
@@ -211,7 +211,7 @@ def _buttons(
     )
 
 
-def _crossings(quads: FloatArray) -> FloatArray:
+def crossings(quads: FloatArray) -> FloatArray:
     """Where the diagonals of quads (n, 4, 2) cross, (n, 2)."""
     first, second = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
     side = quads[:, 1] - quads[:, 0]

@@ -117,20 +117,16 @@ class PanelPose:
     @property
     def angles_deg(self) -> tuple[float, float, float]:
         """θ_x, θ_y, θ_z of R = R_x R_y R_z in the paper's signs (Eqs. 3-5), degrees."""
-        from fronto.pose.rotation import angles_from_rotation
+        from fronto.pose.rotation import angles_deg
 
-        tx, ty, tz = np.degrees(angles_from_rotation(self.rotation))
-        return float(tx), float(ty), float(tz)
+        return angles_deg(self.rotation)
 
     @property
     def std_deg(self) -> tuple[float, float, float]:
         """Standard deviations of `angles_deg`, degrees; NaN where not determined."""
-        from fronto.pose.rotation import angle_jacobian
+        from fronto.pose.rotation import angles_std_deg
 
-        jacobian = angle_jacobian(self.rotation)
-        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
-        sx, sy, sz = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
-        return float(sx), float(sy), float(sz)
+        return angles_std_deg(self.rotation, self.covariance)
 
     def __bool__(self) -> bool:
         """True for "ok" only."""

@@ -72,20 +72,16 @@ class TrackedRotation:
     @property
     def angles_deg(self) -> tuple[float, float, float]:
         """θ_x, θ_y, θ_z as of :class:`fronto.PanelPose`, degrees."""
-        from fronto.pose.rotation import angles_from_rotation
+        from fronto.pose.rotation import angles_deg
 
-        tx, ty, tz = np.degrees(angles_from_rotation(self.rotation))
-        return float(tx), float(ty), float(tz)
+        return angles_deg(self.rotation)
 
     @property
     def std_deg(self) -> tuple[float, float, float]:
         """Standard deviations of `angles_deg`, degrees; NaN at θ_y = ±90 and before a track."""
-        from fronto.pose.rotation import angle_jacobian
+        from fronto.pose.rotation import angles_std_deg
 
-        jacobian = angle_jacobian(self.rotation)
-        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
-        sx, sy, sz = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
-        return float(sx), float(sy), float(sz)
+        return angles_std_deg(self.rotation, self.covariance)
 
     @property
     def largest_std_deg(self) -> float:

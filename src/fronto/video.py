@@ -13,6 +13,7 @@ import numpy.typing as npt
 from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.panelfile import panel_to_dict
+from fronto.pipeline import crossings
 from fronto.pose.verdict import FOCAL_OBSERVABLE
 from fronto.rectifier import Rectifier
 from fronto.results import Button, Panel, PanelPose, RectifiedView
@@ -251,7 +252,7 @@ def _in_view(button: Button, view: RectifiedView | None) -> Button:
     outline = button.outline
     if view is not None and outline.corners_px is not None:
         corners = map_points(view, outline.corners_px)
-        center = _crossing(corners)
+        center = crossings(corners[None])[0]
     elif view is not None and outline.ellipse_px is not None:
         try:
             ellipse = map_ellipse(view, outline.ellipse_px)
@@ -267,13 +268,3 @@ def _in_view(button: Button, view: RectifiedView | None) -> Button:
         rectified_center_px=center,
         rectified_ellipse_px=ellipse,
     )
-
-
-def _crossing(corners: FloatArray) -> FloatArray:
-    """Where the diagonals of a quad (4, 2) cross, (2,)."""
-    first, second, side = corners[2] - corners[0], corners[3] - corners[1], corners[1] - corners[0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (side[0] * second[1] - side[1] * second[0]) / (
-            first[0] * second[1] - first[1] * second[0]
-        )
-    return np.asarray(corners[0] + along * first)

@@ -14,7 +14,9 @@ from fronto.shapes import FloatArray, frozen_array
 __all__ = [
     "angle_between",
     "angle_jacobian",
+    "angles_deg",
     "angles_from_rotation",
+    "angles_std_deg",
     "nearest_rotation",
     "rotation_exp",
     "rotation_from_angles",
@@ -81,6 +83,22 @@ def angle_jacobian(rotation: npt.ArrayLike) -> FloatArray:
         return np.full((3, 3), np.nan)
     c, s = np.cos(tz), np.sin(tz)
     return np.array([[-c / cos_y, -s / cos_y, 0.0], [s, -c, 0.0], [-c * tan_y, -s * tan_y, -1.0]])
+
+
+def angles_deg(rotation: npt.ArrayLike) -> tuple[float, float, float]:
+    """`angles_from_rotation` in degrees, as results state them."""
+    tx, ty, tz = np.degrees(angles_from_rotation(rotation))
+    return float(tx), float(ty), float(tz)
+
+
+def angles_std_deg(
+    rotation: npt.ArrayLike, covariance: npt.ArrayLike
+) -> tuple[float, float, float]:
+    """Standard deviations of `angles_deg` from the covariance (3, 3) of w, rad²."""
+    jacobian = angle_jacobian(rotation)
+    variance = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance), jacobian)
+    sx, sy, sz = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
+    return float(sx), float(sy), float(sz)
 
 
 def rotation_exp(vector: npt.ArrayLike) -> FloatArray:
