@@ -40,6 +40,7 @@ bench: $(VENV)/.stamp-bench ## measure accuracy and speed; writes the tables of 
 	$(BIN)/python benchmarks/annotated.py
 	$(BIN)/python benchmarks/segmentation.py
 	$(BIN)/python benchmarks/outlines.py
+	$(BIN)/python benchmarks/rectify.py
 
 docs: $(VENV)/.stamp-docs ## build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

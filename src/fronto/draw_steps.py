@@ -49,11 +49,11 @@ def draw_steps(
 
     In reading order: the photo, and the part of it that the next tiles show; the probability
     of a button; the masks; the masks closed, and their edges (paper, Section III.B); the lines
-    along the buttons' sides, and where they meet; outlines with their deviations, and the
-    panel's lines; arrows, drawn longer than they are, from the measured corners to the pose's
-    (of an ellipse: from its four outermost points), red where the outline was set aside; the
-    head-on view; status, camera, rotation and timings in words. Tiles that have nothing to
-    show say so.
+    along the buttons' sides, and where they meet; outlines with their deviations, and
+    lines of the panel where there are any; arrows, drawn longer than they are, from the measured
+    corners to the pose's (of an ellipse: from its four outermost points), red where the outline
+    was set aside; the head-on view; status, camera, rotation and timings in words. Tiles that
+    have nothing to show say so.
 
     Parameters
     ----------
@@ -111,7 +111,10 @@ def draw_steps(
             "5 lines along the sides, and where they meet",
             _draw_sides(part, edges, window, outlines),
         ),
-        ("6 outlines, deviations in px, the panel's lines", _draw_outlined(part, window, outlines)),
+        (
+            "6 outlines, deviations in px" + (", lines" if outlines.lines else ""),
+            _draw_outlined(part, window, outlines),
+        ),
         (f"7 measured to model{long}, RMS in px; red: set aside", residuals),
         (f"8 head-on view{view_size}", _draw_rectified(panel, window)),
         ("9 result", _draw_words(panel, window)),

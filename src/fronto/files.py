@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,8 +18,10 @@ __all__ = [
     "decode_json",
     "json_bytes",
     "make_folder",
+    "part_of",
     "read_bytes",
     "write_bytes",
+    "writing",
 ]
 
 T = TypeVar("T")
@@ -71,8 +73,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     InputError
         If it cannot be written.
     """
-    part = path.with_name(f".{secrets.token_hex(8)}.part")
-    try:
+    with writing(path):
+        part = part_of(path)
         try:
             with part.open("xb") as file:
                 file.write(content)
@@ -81,10 +83,30 @@ def write_bytes(path: Path, content: bytes) -> None:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
             raise
+
+
+def part_of(path: Path) -> Path:
+    """Another name in the same folder, for a file that is not whole yet."""
+    return path.with_name(f".{secrets.token_hex(8)}.part")
+
+
+@contextlib.contextmanager
+def writing(path: Path, thing: str = "output file") -> Iterator[None]:
+    """Say in words why a file cannot be written, and what it was to be.
+
+    Raises
+    ------
+    InputError
+        Naming it, in place of what the system raises.
+    """
+    try:
+        yield
     except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
         reason = getattr(error, "strerror", None) or "not a path"
         raise InputError(
-            f"output file {path}",
+            f"{thing} {path}",
             f"expected a place to write to, got: {reason}",
             "choose another folder",
         ) from None

@@ -69,7 +69,8 @@ def look_again(
         view = _view(photo, panel, min(MOST_SCALE, BUTTON_PX / float(np.median(sizes))))
     except InputError:  # an edge-on panel allows no picture
         return None
-    found = outline(segment(_filled(view)), _filled(view))
+    shown = _filled(view)
+    found = outline(segment(shown), shown)
     buttons = _in_photo(view, found.buttons, photo.shape)
     if not buttons:
         return None

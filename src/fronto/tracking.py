@@ -16,7 +16,13 @@ from typing import Literal
 import numpy as np
 
 from fronto.errors import InputError
-from fronto.pose.rotation import nearest_rotation, rotation_exp, rotation_log
+from fronto.pose.rotation import (
+    angles_deg,
+    angles_std_deg,
+    nearest_rotation,
+    rotation_exp,
+    rotation_log,
+)
 from fronto.results import PanelPose
 from fronto.shapes import FloatArray
 
@@ -72,15 +78,11 @@ class TrackedRotation:
     @property
     def angles_deg(self) -> tuple[float, float, float]:
         """θ_x, θ_y, θ_z as of :class:`fronto.PanelPose`, degrees."""
-        from fronto.pose.rotation import angles_deg
-
         return angles_deg(self.rotation)
 
     @property
     def std_deg(self) -> tuple[float, float, float]:
         """Standard deviations of `angles_deg`, degrees; NaN at θ_y = ±90 and before a track."""
-        from fronto.pose.rotation import angles_std_deg
-
         return angles_std_deg(self.rotation, self.covariance)
 
     @property

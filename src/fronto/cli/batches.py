@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from errno import EISDIR
 from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple
@@ -17,7 +18,7 @@ from fronto.batch import Crashed, in_order
 from fronto.cli.rectifying import Job, Outcome, Settings, failed
 from fronto.cli.shared import say
 from fronto.errors import InputError
-from fronto.files import make_folder
+from fronto.files import make_folder, part_of, writing
 
 __all__ = ["Counts", "JsonLines", "run_photos"]
 
@@ -57,8 +58,6 @@ def run_photos(
     if jsonl is not None:
         _check_jsonl(jsonl, jobs, settings)
     if processes > 1 and settings.threads is None:
-        from dataclasses import replace
-
         from fronto.cores import usable_cores
 
         # Each process its share of the cores.
@@ -114,30 +113,24 @@ class JsonLines:
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
-        self.part: Path | None = None
+        self.part = Path()
         self.file: IO[bytes] | None = None
 
     def __enter__(self) -> JsonLines:
         if self.path is not None:
             make_folder(self.path.parent)
-            if os.path.isdir(self.path):  # noqa: PTH112, of any name: Path.is_dir raises for some
-                raise InputError(f"--jsonl {self.path}", "expected a file, got a folder")
-            self.part = self.path.with_name(f".{secrets.token_hex(8)}.part")
-            try:
+            with writing(self.path, "--jsonl"):
+                if os.path.isdir(self.path):  # noqa: PTH112, Path.is_dir raises for some names
+                    raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+                self.part = part_of(self.path)
                 self.file = self.part.open("xb")
-            except (OSError, ValueError) as error:
-                reason = getattr(error, "strerror", None) or "not a path"
-                raise InputError(
-                    f"--jsonl {self.path}",
-                    f"expected a place to write to, got: {reason}",
-                    "choose another folder",
-                ) from None
         return self
 
     def write(self, line: bytes) -> None:
         """Add a line."""
-        if self.file is not None:
-            self.file.write(line)
+        if self.path is not None and self.file is not None:
+            with writing(self.path, "--jsonl"):
+                self.file.write(line)
 
     def __exit__(
         self,
@@ -145,17 +138,16 @@ class JsonLines:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self.file is None or self.part is None or self.path is None:
+        if self.path is None or self.file is None:
             return
-        self.file.close()
-        try:
-            self.part.replace(self.path)
-        except OSError as reason:
-            with contextlib.suppress(OSError):
-                self.part.unlink(missing_ok=True)
-            raise InputError(
-                f"--jsonl {self.path}", f"expected a file to write, got: {reason.strerror}"
-            ) from None
+        with writing(self.path, "--jsonl"):
+            try:
+                self.file.close()
+                self.part.replace(self.path)
+            except OSError:
+                with contextlib.suppress(OSError):
+                    self.part.unlink(missing_ok=True)
+                raise
 
 
 class _Bar:

@@ -17,24 +17,9 @@ __all__ = ["STDIN", "expanded", "is_video", "read_stdin", "result_names"]
 STDIN = Path("-")
 #: What is taken out of a folder; named on its own, a file may be called anything.
 PHOTOS = frozenset(
-    f".{kind}"
-    for kind in (
-        "jpg",
-        "jpeg",
-        "jpe",
-        "png",
-        "webp",
-        "tif",
-        "tiff",
-        "bmp",
-        "gif",
-        "ppm",
-        "pgm",
-        "pnm",
-        "jp2",
-        "avif",
-    )
-)
+    [".jpg", ".jpeg", ".jpe", ".png", ".webp", ".tif", ".tiff", ".bmp",
+     ".gif", ".ppm", ".pgm", ".pnm", ".jp2", ".avif"]
+)  # fmt: skip
 VIDEOS = frozenset([".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".wmv"])
 #: Pictures that fronto itself has written are no photos; nor are hidden files.
 OWN = re.compile(

@@ -129,7 +129,9 @@ MANY = 8
     help=f"Processes.  [default: one per core from {MANY} photos on]",
 )
 @click.option(
-    "--resume", is_flag=True, help="Leave results that are there, made with the same settings."
+    "--resume",
+    is_flag=True,
+    help="Leave photos' results that are there, made with the same settings.",
 )
 @click.option(
     "--jsonl",
@@ -218,7 +220,8 @@ def command(
         files = expanded(photos)
         if STDIN in files:
             files = [read_stdin(Path(spool)) if path == STDIN else path for path in files]
-        videos = [VideoJob(path, path.stem) for path in files if is_video(path)]
+        films = [path for path in files if is_video(path)]
+        videos = [VideoJob(p, stem) for p, stem in zip(films, result_names(films), strict=True)]
         if device is not None:
             videos.append(VideoJob(device, f"camera{device}"))
         if videos and (outlines is not None or solving["solver"] != "refine" or template_file):

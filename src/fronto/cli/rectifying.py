@@ -75,7 +75,7 @@ class Settings:
     source
         Where cameras come from.
     solving
-        Further arguments of `rectify_outlines`: solver, template file, grid.
+        Further arguments of `rectify_outlines`: the solver, and the grid's.
     template_file
         The panel's layout, where it is known.
     include_unsure

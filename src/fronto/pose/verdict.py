@@ -174,12 +174,9 @@ def judge(
     if not shows and aspect_std is not None and aspect_std > OK_ASPECT_STD:
         off = 100 * aspect_std
         reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
-    known = adjustment.model.focal_isd
-    focal_std = np.sqrt(adjustment.common) / known if known > 0 else 0.0
-    lines = (
-        int((line_weights(adjustment, best) > SET_ASIDE).sum()) if len(adjustment.seen.axis) else 0
-    )
-    lined = lines >= ENOUGH_LINES and std_given_focal <= OK_STD_RAD
+    focal_isd = adjustment.model.focal_isd  # weighed up by the common errors, as lines are
+    focal_std = np.sqrt(adjustment.common) / focal_isd if focal_isd > 0 else 0.0
+    lined = std_given_focal <= OK_STD_RAD and _agreeing_lines(adjustment, best) >= ENOUGH_LINES
     if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not (lined and std <= OK_STD_RAD):
         reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
@@ -202,6 +199,12 @@ def judge(
             "the panel appears rolled by more than 60°: wrong corner order, or a photo to be turned"
         )
     return Verdict("uncertain" if reasons else "ok", tuple(reasons), rivals)
+
+
+def _agreeing_lines(adjustment: Adjustment, solution: Solution) -> int:
+    if not len(adjustment.seen.axis):
+        return 0
+    return int((line_weights(adjustment, solution) > SET_ASIDE).sum())
 
 
 def _covered(rotation: FloatArray, best: FloatArray, cov: FloatArray) -> bool:
