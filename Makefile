@@ -9,6 +9,7 @@ SHELL := /bin/sh
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PEERS := $(VENV)-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # What an editable install is made from: pip runs again only when one of these changes.
 SOURCES := pyproject.toml constraints.txt hatch_build.py src/fronto/_version.py $(wildcard src/fronto/native/*.[ch])
@@ -35,12 +36,8 @@ lint: $(VENV)/.stamp-$(DEV) ## check style, formatting and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/.stamp-bench ## measure accuracy and speed; writes the tables of README.md and docs
-	$(BIN)/python benchmarks/pose.py
-	$(BIN)/python benchmarks/annotated.py
-	$(BIN)/python benchmarks/segmentation.py
-	$(BIN)/python benchmarks/outlines.py
-	$(BIN)/python benchmarks/rectify.py
+bench: $(VENV)/.stamp-vanishing $(PEERS)/.stamp ## measure accuracy and speed; writes the tables of README.md and docs
+	$(BIN)/python benchmarks/run.py $(if $(QUICK),--quick)
 
 docs: $(VENV)/.stamp-docs ## build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
@@ -53,7 +50,7 @@ figures: $(VENV)/.stamp-core ## draw the documents' pictures again (examples: to
 	$(BIN)/python tools/make_steps_figure.py docs/images/steps.png
 
 clean: ## remove everything that these targets have made
-	rm -rf $(VENV) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(PEERS) out site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	rm -f src/fronto/native/_kernels.*
 	find src tests benchmarks tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -78,3 +75,17 @@ $(VENV)/.stamp-%: $(VENV)/.stamp-venv $(SOURCES)
 	@echo "Installing fronto[$*] (once) ..."
 	@$(PIP) install --constraint constraints.txt --editable '.[$*]'
 	@touch $@
+
+# It asks for a build of OpenCV with windows, and needs nothing that the one without has not.
+$(VENV)/.stamp-vanishing: $(VENV)/.stamp-bench
+	@$(PIP) install --no-deps lu-vp-detect==1.0.4 && touch $@ || \
+	  echo "Not installed: vanishing points are not measured. Again: make $(MAKECMDGOALS)" >&2
+
+# What benchmarks compare with, apart from fronto's own packages. Where it cannot be had (offline,
+# say), the benchmark that needs it says so and the others run.
+$(PEERS)/.stamp: benchmarks/peers/requirements.txt | $(VENV)/.stamp-venv
+	@echo "Installing what benchmarks compare with into $(PEERS) (once) ..."
+	@{ $(PYTHON) -m venv $(PEERS) && \
+	  $(PEERS)/bin/python -m pip --disable-pip-version-check --quiet install --requirement $< && \
+	  touch $@; } || { rm -rf $(PEERS); \
+	  echo "Not installed: reading is not measured. Again: make $(MAKECMDGOALS)" >&2; }

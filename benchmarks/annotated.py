@@ -29,7 +29,9 @@ def longer_side(camera: Camera) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data" / "annotated")
-    folder = parser.parse_args().data / "labels"
+    parser.add_argument("--quick", action="store_true", help="write nothing")
+    arguments = parser.parse_args()
+    folder = arguments.data / "labels"
     if not folder.is_dir():
         print(f"{folder.parent.name}: no annotated photos here, nothing measured")
         return
@@ -66,6 +68,9 @@ def main() -> None:
         f"{max(ok):.2f}°.\n\n" + markdown_table(table)
     )
     print(text)
+    if arguments.quick:
+        print("nothing written")
+        return
     write_between(ROOT / "docs" / "benchmarks.md", "annotated", text)
 
 

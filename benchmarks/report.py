@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import math
 import os
 import platform
@@ -11,6 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+#: The exit code of a benchmark that lacks what it needs, and has written nothing.
+SKIPPED = 3
 
 
 def markdown_table(rows: list[dict[str, str]]) -> str:
@@ -76,3 +81,28 @@ def rounded(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [rounded(item) for item in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    """One line for each row, columns as in the first."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rounded(rows))
+
+
+def write_json(path: Path, record: dict[str, Any]) -> None:
+    """A record, with the machine that it was measured on; NaN becomes null."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {"machine": describe_machine(), **rounded(record)}
+    text = json.dumps(_without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

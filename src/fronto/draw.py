@@ -27,7 +27,7 @@ from fronto.drawing import (
     write_names,
     write_text,
 )
-from fronto.results import PanelPose, Status
+from fronto.results import Button, PanelPose, Status
 from fronto.shapes import FloatArray, Outline
 from fronto.warp.polygon import photo_outline
 
@@ -36,6 +36,7 @@ __all__ = [
     "UNDETERMINED",
     "X_AXIS",
     "Y_AXIS",
+    "button_names",
     "category_colors",
     "draw_frame",
     "draw_overlay",
@@ -70,12 +71,15 @@ ALONG = 97
 
 
 def draw_overlay(
-    image_rgb: npt.NDArray[Any], pose: PanelPose, outlines: Sequence[Outline]
+    image_rgb: npt.NDArray[Any],
+    pose: PanelPose,
+    outlines: Sequence[Outline],
+    names: Sequence[str] | None = None,
 ) -> Picture:
     """Draw outlines, the panel's axes, its horizon and the verdict on a copy of the photo.
 
-    Each outline has its category's colour, its text (else its category) beside it, and dots at
-    its corners, the first one large. At the buttons' centroid red points along the panel's
+    Each outline has its category's colour, its name beside it, and dots at its corners, the
+    first one large. At the buttons' centroid red points along the panel's
     rows (x) and green down its columns (y), and where the photo reaches it, a white line is
     the panel's horizon (the vanishing line of its plane), unless the rotation is not
     determined. Texts are ASCII; other signs become "?".
@@ -88,6 +92,8 @@ def draw_overlay(
         The pose, of any status.
     outlines
         The outlines in the photo's pixels; may be empty.
+    names
+        One for each outline, such as `button_names` gives; None: its text, else its category.
 
     Returns
     -------
@@ -103,7 +109,8 @@ def draw_overlay(
     colors = category_colors(outlines)
     for outline, color in zip(outlines, colors, strict=True):
         _draw_outline(canvas, outline, color, unit)
-    names = [outline.text or outline.category for outline in outlines]
+    if names is None:
+        names = [outline.text or outline.category for outline in outlines]
     boxes = [outline.box_px for outline in outlines]
     write_names(canvas, names, boxes, colors, unit, gap=4 * unit, first="beside")
     _draw_axes(canvas, pose, unit)
@@ -112,6 +119,24 @@ def draw_overlay(
     _draw_horizon(canvas, pose, unit, _banner_size(lines, unit))
     _draw_banner(canvas, pose, unit, lines)
     return canvas
+
+
+def button_names(buttons: Sequence[Button]) -> list[str]:
+    """What to write beside buttons: the label, in brackets where it is inferred only.
+
+    "?" where a button was read and no label is sure; the category where nothing read it, or it
+    carries no label.
+    """
+    return [_name(button) for button in buttons]
+
+
+def _name(button: Button) -> str:
+    if button.label:
+        return f"({button.label})" if button.label_source == "inferred" else button.label
+    if button.label_confidence is None:
+        return button.outline.text or button.outline.category
+    without_label = bool(button.label_guesses) and not button.label_guesses[0][0]
+    return button.outline.category if without_label else "?"
 
 
 def category_colors(outlines: Sequence[Outline]) -> list[Color]:

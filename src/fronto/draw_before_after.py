@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.draw import category_colors, draw_frame, draw_overlay
+from fronto.draw import button_names, category_colors, draw_frame, draw_overlay
 from fronto.drawing import Box, Picture, polylines, unit_of, write_names
 from fronto.results import Button, Panel, RectifiedView
 from fronto.shapes import FloatArray
@@ -38,7 +38,8 @@ def draw_before_after(photo: npt.NDArray[Any], panel: Panel) -> Picture:
     InputError
         If the photo is not uint8 with 1 or 3 channels.
     """
-    before = draw_overlay(photo, panel.pose, [button.outline for button in panel.buttons])
+    outlines = [button.outline for button in panel.buttons]
+    before = draw_overlay(photo, panel.pose, outlines, button_names(panel.buttons))
     height, width = before.shape[:2]
     unit = unit_of(before)
     after = draw_view(panel, width, height, unit)
@@ -92,8 +93,10 @@ def draw_view(panel: Panel, width_px: int, height_px: int, unit: float) -> Pictu
         colors.append(color)
         boxes.append(_box(points))
         shown.append(button)
-    texts = [button.label or button.outline.text for button in shown]
-    names = [text or b.outline.category for text, b in zip(texts, shown, strict=True)]
+    names = button_names(shown)
+    texts = [
+        name if b.label or b.outline.text else "" for name, b in zip(names, shown, strict=True)
+    ]
     write_names(ground, names, boxes, colors, unit, gap=4 * unit, first="beside", short=texts)
     return ground
 

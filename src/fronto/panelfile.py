@@ -14,10 +14,17 @@ import numpy.typing as npt
 
 from fronto.errors import InputError
 from fronto.files import json_bytes, make_folder, write_bytes
-from fronto.results import SCHEMA, Button, Panel, PanelPose
-from fronto.shapes import Ellipse, Outline
+from fronto.results import SCHEMA, Button, Panel, PanelPose, Plate
+from fronto.shapes import Ellipse
 
-__all__ = ["PanelFiles", "output_names", "panel_to_dict", "panel_to_json", "write_panel"]
+__all__ = [
+    "PanelFiles",
+    "button_to_dict",
+    "output_names",
+    "panel_to_dict",
+    "panel_to_json",
+    "write_panel",
+]
 
 #: With these a pose has a rotation worth stating.
 DETERMINED = ("ok", "uncertain")
@@ -126,12 +133,17 @@ def write_panel(
     InputError
         If the image is of another type, or a file cannot be written.
     """
-    from fronto.draw import draw_overlay
+    from fronto.draw import button_names, draw_overlay
     from fronto.imageio import write_png
 
     folder = Path(directory)
     json_file, overlay, rectified = (folder / name for name in output_names(stem))
-    drawing = draw_overlay(_eight_bit(image), panel.pose, [b.outline for b in panel.buttons])
+    drawing = draw_overlay(
+        _eight_bit(image),
+        panel.pose,
+        [button.outline for button in panel.buttons],
+        button_names(panel.buttons),
+    )
     make_folder(folder)
     if panel.view is None:
         with contextlib.suppress(OSError):
@@ -188,15 +200,17 @@ def _rotation(pose: PanelPose) -> dict[str, Any]:
     }
 
 
-def _plate(plate: Outline) -> dict[str, Any]:
+def _plate(plate: Plate) -> dict[str, Any]:
+    outline = plate.outline
     return {
-        "corners_px": plate.corners_px,
-        "ellipse_px": _ellipse(plate.ellipse_px),
-        "box_px": plate.box_px,
-        "confidence": plate.confidence,
-        "corner_std_px": plate.std_px,
-        "label": plate.text or None,
-        "button": None,
+        "corners_px": outline.corners_px,
+        "ellipse_px": _ellipse(outline.ellipse_px),
+        "box_px": outline.box_px,
+        "confidence": outline.confidence,
+        "corner_std_px": outline.std_px,
+        "label": plate.label or None,
+        "label_confidence": plate.label_confidence,
+        "button": plate.button,
     }
 
 
@@ -224,9 +238,17 @@ def _button(button: Button) -> dict[str, Any]:
         "label": button.label or None,
         "label_confidence": button.label_confidence,
         "label_source": button.label_source,
-        "position_m": None,
-        "press_normal": None,
+        "label_guesses": button.label_guesses,
+        "position_m": button.position_m,
+        "position_std_m": button.position_std_m,
+        "press_normal": button.press_normal,
     }
+
+
+def button_to_dict(button: Button) -> dict[str, Any]:
+    """Plain values of one button, as `panel_to_dict` has them."""
+    plain: dict[str, Any] = _plain(_button(button))
+    return plain
 
 
 def _ellipse(ellipse: Ellipse | None) -> dict[str, float] | None:

@@ -14,13 +14,14 @@ import numpy.typing as npt
 from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.images import as_rgb
+from fronto.labels.name import name_buttons, packaged_reader
 from fronto.outlines import Outlines
 from fronto.outlines import outline as outline_stage
 from fronto.pipeline import rectify_outlines
 from fronto.pose.observations import undistorted
 from fronto.rectifieroptions import RectifierOptions
 from fronto.relook import better, look_again
-from fronto.results import Panel
+from fronto.results import Panel, Plate
 from fronto.segmentation import segment as segment_stage
 from fronto.segments import Segments
 from fronto.shapes import Outline
@@ -73,6 +74,9 @@ class Rectifier:
         Another way from segments and photo to outlines.
     solve
         Another way from photo, outlines and camera to the result.
+    read
+        Another way to name the buttons of a result: from the photo and the result to the result
+        with labels.
 
     Examples
     --------
@@ -91,6 +95,7 @@ class Rectifier:
         segment: Callable[[Photo], Segments] | None = None,
         outline: Callable[[Segments, Photo], Outlines] | None = None,
         solve: Callable[[Photo, Outlines, Camera], Panel] | None = None,
+        read: Callable[[Photo, Panel], Panel] | None = None,
     ) -> None:
         self.options = options or RectifierOptions()
         self.engine = engine
@@ -98,6 +103,7 @@ class Rectifier:
         self._segment = segment or self._segmented
         self._outline = outline or self._outlined
         self._solve = solve or self._solved
+        self._read = read or self._named
 
     def _segmented(self, photo: Photo) -> Segments:
         o = self.options
@@ -133,7 +139,7 @@ class Rectifier:
         Returns
         -------
         The result; its `status` says whether to trust it. `timing_ms` has "read", "segment",
-        "outline", "pose", "warp", "second_look" and "total".
+        "outline", "pose", "warp", "second_look", "read_labels" and "total".
 
         Raises
         ------
@@ -171,8 +177,15 @@ class Rectifier:
         looked = time.perf_counter()
         if self.options.rectified_look:
             panel = self._look_again(photo, panel, outlines, camera)
+        named = time.perf_counter()
+        if self.options.read_labels:
+            panel = self._read(photo, panel)
         end = time.perf_counter()
-        timing |= {"second_look": 1e3 * (end - looked), "total": 1e3 * (end - begin)}
+        timing |= {
+            "second_look": 1e3 * (named - looked),
+            "read_labels": 1e3 * (end - named),
+            "total": 1e3 * (end - begin),
+        }
         return replace(panel, notes=(*notes, *panel.notes), timing_ms=timing)
 
     def _look_again(self, photo: Photo, first: Panel, outlines: Outlines, camera: Camera) -> Panel:
@@ -221,6 +234,12 @@ class Rectifier:
             max_pixels=o.max_pixels,
         )
 
+    def _named(self, photo: Photo, panel: Panel) -> Panel:
+        if not (panel.buttons or panel.plates):
+            return panel
+        reader = packaged_reader(None if self.engine is None else self.engine.threads)
+        return panel if reader is None else name_buttons(panel, photo, reader)
+
     def _camera(self, image: Picture, given: Camera | None, width: int, height: int) -> Camera:
         camera = given or self.camera
         if camera is None:
@@ -259,7 +278,8 @@ def within_lens(outlines: Outlines, camera: Camera) -> Outlines:
 
 def found_by_itself(panel: Panel, outlines: Outlines) -> Panel:
     """A result with what was found beside the buttons, and the right words for none."""
-    panel = replace(panel, plates=outlines.plates)
+    plates = tuple(Plate(plate, label=plate.text) for plate in outlines.plates)
+    panel = replace(panel, plates=plates)
     if outlines.buttons:
         return panel
     reasons = ("no buttons were found in the photo",)

@@ -38,6 +38,8 @@ class RectifierOptions:
         As of :func:`fronto.estimate_pose`.
     crop, scale, margin, max_pixels
         As of :func:`fronto.warp_panel`.
+    read_labels
+        Whether buttons are named by what is printed on and beside them.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class RectifierOptions:
     scale: float = 1.0
     margin: float = 0.5
     max_pixels: int = 16_000_000
+    read_labels: bool = True
 
     def __post_init__(self) -> None:
         for name in ("min_confidence", "correlation"):

@@ -17,9 +17,10 @@ from fronto.shapes import Ellipse, FloatArray, Outline
 if TYPE_CHECKING:
     from fronto.camera import Camera
 
-__all__ = ["Button", "Panel", "PanelPose", "RectifiedView", "Status"]
+__all__ = ["Button", "LabelSource", "Panel", "PanelPose", "Plate", "RectifiedView", "Status"]
 
 Status = Literal["ok", "uncertain", "degenerate", "no_buttons"]
+LabelSource = Literal["button", "plate", "inferred"]
 SCHEMA = "fronto.panel/1"
 
 
@@ -207,11 +208,23 @@ class Button:
         Its ellipse in the rectified picture; None for a quad, without a picture, or where
         the outline reaches the panel's horizon.
     label
-        What is printed on or beside it, "" where unknown.
+        What it means: a floor in normal form ("12", "B1", "*1"), a function ("up", "open"),
+        another text in capitals ("FAN"); "" where unknown, or not surely enough read.
     label_confidence
-        0 to 1; None where nothing read it.
+        Probability that the label is right, 0 to 1; without a label, of the best guess. None
+        where nothing read it (a label came with the outlines then).
     label_source
-        "button", "plate", or None where nothing read it.
+        What says so: the "button" itself, the "plate" beside it, or only the labels of its
+        neighbours ("inferred"). None without a label, and where nothing read it.
+    label_guesses
+        Labels it may have, likeliest first, with their probabilities; what they leave to 1 is
+        for others and for none. Empty where nothing read it.
+    position_m
+        Shape (3,): its centre in the camera frame, metres; None where not determined.
+    position_std_m
+        Shape (3,): standard deviations of `position_m`, metres.
+    press_normal
+        Shape (3,): unit vector into the wall, camera frame: the direction to press in.
     """
 
     id: int
@@ -223,7 +236,39 @@ class Button:
     rectified_ellipse_px: Ellipse | None = None
     label: str = ""
     label_confidence: float | None = None
-    label_source: str | None = None
+    label_source: LabelSource | None = None
+    label_guesses: tuple[tuple[str, float], ...] = ()
+    position_m: FloatArray | None = None
+    position_std_m: FloatArray | None = None
+    press_normal: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position_m", "position_std_m", "press_normal"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _read_only(value))
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A label beside a button, which nobody presses.
+
+    Parameters
+    ----------
+    outline
+        Where it is in the photo.
+    label
+        What it says, as of :class:`Button`; "" where unknown.
+    label_confidence
+        Probability that this is what it says, 0 to 1; None where nothing read it.
+    button
+        Id of the button that it names; None where that is not sure.
+    """
+
+    outline: Outline
+    label: str = ""
+    label_confidence: float | None = None
+    button: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +294,7 @@ class Panel:
     notes
         Remarks on the input that do not touch the status.
     plates
-        Outlines of the labels beside buttons, which nobody presses.
+        The labels beside buttons, which nobody presses.
     """
 
     image: str
@@ -262,7 +307,7 @@ class Panel:
     view: RectifiedView | None = None
     timing_ms: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    plates: tuple[Outline, ...] = ()
+    plates: tuple[Plate, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON (schema ``fronto.panel/1``), strictly valid: null for NaN."""

@@ -20,6 +20,7 @@ __all__ = ["main"]
 #: In the order of the help; the module of the same name holds `command`.
 COMMANDS = (
     "rectify",
+    "find",
     "segment",
     "outline",
     "camera",

@@ -20,7 +20,7 @@ from fronto.cli.shared import say
 from fronto.errors import InputError
 from fronto.files import make_folder, part_of, writing
 
-__all__ = ["Counts", "JsonLines", "run_photos"]
+__all__ = ["Bar", "Counts", "JsonLines", "run_photos"]
 
 
 class Counts(NamedTuple):
@@ -63,7 +63,7 @@ def run_photos(
         # Each process its share of the cores.
         settings = replace(settings, threads=max(1, usable_cores() // processes))
     counts = Counts()
-    with JsonLines(jsonl) as lines, _Bar(len(jobs)) as bar:
+    with JsonLines(jsonl) as lines, Bar(len(jobs)) as bar:
         for job, result in in_order(jobs, settings, min(processes, len(jobs))):
             outcome = _crashed(job) if isinstance(result, Crashed) else result
             lines.write(outcome.record)
@@ -111,15 +111,16 @@ def _crashed(job: Job) -> Outcome:
 class JsonLines:
     """A file of lines that appears in one piece at the end, of an interrupted run as well."""
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path | None, thing: str = "--jsonl") -> None:
         self.path = path
+        self.thing = thing
         self.part = Path()
         self.file: IO[bytes] | None = None
 
     def __enter__(self) -> JsonLines:
         if self.path is not None:
             make_folder(self.path.parent)
-            with writing(self.path, "--jsonl"):
+            with writing(self.path, self.thing):
                 if os.path.isdir(self.path):  # noqa: PTH112, Path.is_dir raises for some names
                     raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
                 self.part = part_of(self.path)
@@ -129,7 +130,7 @@ class JsonLines:
     def write(self, line: bytes) -> None:
         """Add a line."""
         if self.path is not None and self.file is not None:
-            with writing(self.path, "--jsonl"):
+            with writing(self.path, self.thing):
                 self.file.write(line)
 
     def __exit__(
@@ -140,7 +141,7 @@ class JsonLines:
     ) -> None:
         if self.path is None or self.file is None:
             return
-        with writing(self.path, "--jsonl"):
+        with writing(self.path, self.thing):
             try:
                 self.file.close()
                 self.part.replace(self.path)
@@ -150,14 +151,14 @@ class JsonLines:
                 raise
 
 
-class _Bar:
+class Bar:
     """A progress bar on standard error, where that is a terminal and there are several photos."""
 
     def __init__(self, length: int) -> None:
         show = length > 1 and sys.stderr.isatty()
         self.bar = click.progressbar(length=length, file=sys.stderr) if show else None
 
-    def __enter__(self) -> _Bar:
+    def __enter__(self) -> Bar:
         if self.bar is not None:
             self.bar.__enter__()
         return self

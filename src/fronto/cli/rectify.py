@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fronto.cli.cameras import CameraSource
+from fronto.cli.cameras import camera_options, camera_source
 from fronto.cli.inputs import STDIN, expanded, is_video, read_stdin, result_names
 from fronto.cli.rectifying import Job, Settings
 from fronto.cli.shared import (
@@ -45,6 +45,7 @@ MANY = 8
 )
 @network_options
 @click.option("--no-lines", is_flag=True, help="Do not look for lines of the panel.")
+@click.option("--no-labels", is_flag=True, help="Do not read what is printed on the buttons.")
 @click.option(
     "-o",
     "--output",
@@ -61,21 +62,7 @@ MANY = 8
     metavar="FILE",
     help="Options of the stages (TOML); what is given here as well counts more.",
 )
-@click.option(
-    "--camera",
-    "camera_file",
-    type=FILE,
-    metavar="FILE",
-    help="Calibration: ROS camera_info, OpenCV, Kalibr, or a 3x3 matrix.  [default: the photo's "
-    "EXIF data, else a guess]",
-)
-@click.option(
-    "--hfov",
-    type=FiniteRange(0, 180, min_open=True, max_open=True),
-    metavar="DEG",
-    help="The camera's horizontal field of view instead.",
-)
-@click.option("--focal-px", type=POSITIVE, metavar="F", help="Its focal length instead, in pixels.")
+@camera_options
 @click.option(
     "--template",
     "template_file",
@@ -199,15 +186,14 @@ def command(
 
     if not photos and device is None:
         raise click.UsageError("give a PHOTO, a folder, a video, or --device")
-    if sum(choice is not None for choice in (camera_file, hfov, focal_px)) > 1:
-        raise click.UsageError("give one of --camera, --hfov and --focal-px")
+    source = camera_source(camera_file, hfov, focal_px)
     solving = _solving(given, template_file)
     settings = Settings(
         output=output,
         weights=weights,
         threads=threads,
         options=_options(ctx, options_file, given),
-        source=CameraSource(camera_file, hfov, focal_px),
+        source=source,
         solving=tuple(solving.items()),
         template_file=template_file,
         include_unsure=include_unsure,
@@ -263,6 +249,8 @@ def _options(
         changes |= {"second_look": False, "rectified_look": False}
     if said.get("no_lines"):
         changes["lines"] = False
+    if said.get("no_labels"):
+        changes["read_labels"] = False
     if said.get("no_align"):
         changes["aligned"] = False
     if given["solver"] == "grid":

@@ -123,8 +123,11 @@ class Settings:
         """
         from fronto._version import __version__
         from fronto.engine import find_weights
+        from fronto.labels.name import packaged_reader
 
         files = [outlines or self.weights or find_weights(), self.template_file, self.source.file]
+        reader = packaged_reader(self.threads) if self.options.read_labels else None
+        files.append(None if reader is None else reader.engine.path)
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
         digest = hashlib.sha256(repr(stated).encode())
         for path in files:
@@ -152,6 +155,7 @@ class _Work:
             segment=self._segment,
             outline=self._outline,
             solve=self._solve_found,
+            read=self._name,
         )
 
     def __call__(self, job: Job) -> Outcome:
@@ -203,7 +207,9 @@ class _Work:
         if self.settings.steps:
             height, width = rgb.shape[:2]
             segments = self.looked[0] or Segments(width, height, ())
-            given = Outlines(width, height, tuple(b.outline for b in panel.buttons), panel.plates)
+            buttons = tuple(button.outline for button in panel.buttons)
+            plates = tuple(plate.outline for plate in panel.plates)
+            given = Outlines(width, height, buttons, plates)
             pictures["steps"] = draw_steps(rgb, segments, self.looked[1] or given, panel)
         if self.settings.before_after:
             pictures["before_after"] = draw_before_after(rgb, panel)
@@ -261,18 +267,28 @@ class _Work:
     def _given(self, image: npt.NDArray[Any], camera: Camera, outlines: Path, name: str) -> Panel:
         """Buttons of an outlines file."""
         from fronto.outlinefile import read_outlines
+        from fronto.results import Plate
 
         height, width = image.shape[:2]
         unsure = self.settings.include_unsure
         found = read_outlines(outlines, width, height, include_unsure=unsure)
         lines = found.lines if self.solving["solver"] == "refine" else ()
         panel = self._solved(image, found.outlines, lines, camera)
-        panel = replace(panel, plates=found.plates)
+        plates = tuple(Plate(plate, label=plate.text) for plate in found.plates)
+        panel = replace(panel, plates=plates)
+        if self.settings.options.read_labels:
+            panel = self._name(image, panel)
         if found.skipped and not found.outlines:
             panel = all_unsure(panel, len(found.skipped))
         unused = len(found.lines) - len(lines)
         notes = outline_notes(found.image, name, len(found.skipped), unused)
         return replace(panel, notes=(*panel.notes, *notes))
+
+    def _name(self, image: npt.NDArray[Any], panel: Panel) -> Panel:
+        from fronto.labels.name import name_buttons, packaged_reader
+
+        reader = packaged_reader(self.settings.threads)
+        return panel if reader is None else name_buttons(panel, image, reader)
 
     def _solve_found(
         self, photo: npt.NDArray[np.uint8], outlines: Outlines, camera: Camera

@@ -1,0 +1,7 @@
+"""The only room that touches ONNX Runtime: networks' files, loaded and run."""
+
+from fronto.engine.onnxfile import find_weights
+from fronto.engine.reader import LabelScores, ReaderEngine
+from fronto.engine.segmentation import FORMAT, Engine, Maps
+
+__all__ = ["FORMAT", "Engine", "LabelScores", "Maps", "ReaderEngine", "find_weights"]

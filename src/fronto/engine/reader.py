@@ -1,0 +1,135 @@
+"""The network that reads labels: crops of buttons and plates to probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
+from fronto.errors import InputError
+from fronto.labels.alphabet import CROP_PX, KINDS
+
+__all__ = ["FORMAT", "LabelScores", "ReaderEngine"]
+
+#: What the file's inputs and outputs mean; written into it by `fronto.train.reader`.
+FORMAT = "fronto.labels/1"
+#: How far the sum of probabilities may be from 1: what half precision makes of it.
+SUM_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class LabelScores:
+    """What the network says about N crops.
+
+    Parameters
+    ----------
+    text
+        Shape (N, T, 1 + len(alphabet)): probabilities at T steps from left to right, of the
+        blank of connectionist temporal classification and of each character.
+    kind
+        Shape (N, kinds): probabilities of `ReaderEngine.kinds`.
+    """
+
+    text: npt.NDArray[np.float32]
+    kind: npt.NDArray[np.float32]
+
+
+class ReaderEngine:
+    """A network that reads labels, ready to run; several threads may share one.
+
+    Parameters
+    ----------
+    path
+        The ONNX file; None: the one in the package. Where its name ends in eight hexadecimal
+        digits (``fronto-read-1a2b3c4d.onnx``), they must begin its SHA-256.
+    threads
+        Threads that work on one call; None: as many as `usable_cores` counts.
+    providers
+        ONNX Runtime's names of what to compute on, best first; None: the processor.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or another one than its name says, no ONNX, no
+        network of this format, or if a provider or the number of threads cannot be had.
+
+    Attributes
+    ----------
+    path
+        The file.
+    metadata
+        What is written in the file: version, license, training_data, ...
+    alphabet
+        The characters of `LabelScores.text`, in the order of its channels from 1.
+    kinds
+        Names of the channels of `LabelScores.kind`.
+    threads
+        As given or counted.
+    """
+
+    path: Path
+    metadata: Mapping[str, str]
+    alphabet: str
+    kinds: tuple[str, ...]
+    threads: int
+
+    def __init__(
+        self,
+        path: Path | None = None,
+        *,
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
+        found = find_weights(stem="fronto-read") if path is None else Path(path)
+        file = OnnxFile(found, FORMAT, threads, providers)
+        self.path, self.metadata, self.threads = file.path, file.metadata, file.threads
+        self.alphabet, self.kinds = file.metadata.get("alphabet", ""), file.names("kinds")
+        if not self.alphabet or len(set(self.alphabet)) < len(self.alphabet):
+            raise InputError(
+                f"{file.thing}, alphabet",
+                f"expected different characters, got {self.alphabet!r}",
+                "export it again",
+            )
+        if sorted(self.kinds) != sorted(KINDS):
+            raise InputError(
+                f"{file.thing}, kinds",
+                f"expected {','.join(KINDS)}, got {','.join(self.kinds) or 'none'}",
+                "export it again",
+            )
+        file.check_signature(
+            {"crops": (None, CROP_PX, CROP_PX, 3)},
+            {"text": (None, None, 1 + len(self.alphabet)), "kind": (None, len(self.kinds))},
+        )
+        self._file = file
+
+    def run(self, crops: npt.NDArray[np.uint8]) -> LabelScores:
+        """Run the network.
+
+        Parameters
+        ----------
+        crops
+            Shape (N, 48, 48, 3), uint8, RGB, as `fronto.labels.crops.crops` cuts them.
+
+        Raises
+        ------
+        InputError
+            If the crops are of another type or shape, or too many for the memory.
+        """
+        n, *_ = checked_bytes(
+            crops, (None, CROP_PX, CROP_PX, 3), "crops", f"(N, {CROP_PX}, {CROP_PX}, 3)"
+        )
+        shapes = {"text": (n, None, 1 + len(self.alphabet)), "kind": (n, len(self.kinds))}
+        outputs = self._file.run("crops", crops, shapes, "give fewer crops at a time")
+        for name, values in zip(shapes, outputs, strict=True):
+            off = np.abs(values.sum(axis=-1) - 1)
+            if not (values.min(initial=0) >= 0 and off.max(initial=0) <= SUM_TOLERANCE):
+                raise InputError(
+                    f"{self._file.thing}, {name}",
+                    "expected probabilities of sum 1, got other numbers",
+                    "export it again",
+                )
+        return LabelScores(*outputs)

@@ -1,0 +1,153 @@
+"""The network that finds buttons: pictures to maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
+from fronto.errors import InputError
+
+__all__ = ["FORMAT", "Engine", "Maps"]
+
+#: What the file's inputs and outputs mean; written into it by `fronto.train.export`.
+FORMAT = "fronto.segmentation/1"
+
+FloatMaps = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """What the network says about N pictures of H x W pixels.
+
+    Cells are `Engine.stride` pixels wide: h = H / stride, w = W / stride, and the centre of
+    cell (i, j) is at the pixel x = stride (j + 0.5) - 0.5, y = stride (i + 0.5) - 0.5.
+
+    Parameters
+    ----------
+    masks
+        Shape (N, 2, H, W): probability of "button" and of "plate" for each pixel.
+    classes
+        Shape (N, classes, h, w): probabilities of `Engine.classes`.
+    centers
+        Shape (N, 2, h, w): probability that the centre of a button (of a plate) is there.
+    sides
+        Shape (N, 4, h, w): pixels from the cell's centre to the left, top, right and bottom
+        of the box around its button.
+    """
+
+    masks: FloatMaps
+    classes: FloatMaps
+    centers: FloatMaps
+    sides: FloatMaps
+
+
+class Engine:
+    """A segmentation network, ready to run; several threads may share one.
+
+    On the processor it keeps the memory of its largest call (about 90 MB for each picture of
+    640 x 640): running many pictures one by one needs less than one batch of them, and is
+    no slower.
+
+    Parameters
+    ----------
+    path
+        The ONNX file, as ``fronto export`` writes it; None: the one in the package. Where
+        its name ends in eight hexadecimal digits (``fronto-seg-1a2b3c4d.onnx``), they must
+        begin its SHA-256.
+    threads
+        Threads that work on one call; None: as many as `usable_cores` counts.
+    providers
+        ONNX Runtime's names of what to compute on, best first, such as
+        ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; None: the processor.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or another one than its name says, no ONNX, no
+        network of this format, or if a provider or the number of threads cannot be had.
+
+    Attributes
+    ----------
+    path
+        The file.
+    metadata
+        What is written in the file: version, license, training_data, ...
+    classes
+        Names of the channels of `Maps.classes`.
+    stride
+        Pixels of a cell.
+    multiple
+        Height and width of a picture must be multiples of this.
+    threads
+        As given or counted.
+    """
+
+    path: Path
+    metadata: Mapping[str, str]
+    classes: tuple[str, ...]
+    stride: int
+    multiple: int
+    threads: int
+
+    def __init__(
+        self,
+        path: Path | None = None,
+        *,
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
+        file = OnnxFile(find_weights() if path is None else Path(path), FORMAT, threads, providers)
+        self.path, self.metadata, self.threads = file.path, file.metadata, file.threads
+        self.classes = file.names("classes")
+        self.stride, self.multiple = file.whole("stride"), file.whole("multiple")
+        if self.multiple % self.stride or not self.classes:
+            raise InputError(
+                file.thing,
+                "expected names of classes, and a multiple that the stride divides, "
+                f"got {len(self.classes)}, {self.multiple} and {self.stride}",
+                "export it again",
+            )
+        self._channels = {"masks": 2, "classes": len(self.classes), "centers": 2, "sides": 4}
+        file.check_signature(
+            {"image": (None, None, None, 3)},
+            {name: (None, count, None, None) for name, count in self._channels.items()},
+        )
+        self._file = file
+
+    def run(self, images: npt.NDArray[np.uint8]) -> Maps:
+        """Run the network.
+
+        Parameters
+        ----------
+        images
+            Shape (N, H, W, 3), uint8, RGB; H and W multiples of `multiple`.
+
+        Returns
+        -------
+        Its maps, in the pixels of the pictures.
+
+        Raises
+        ------
+        InputError
+            If the pictures are of another type or shape, or too large for the memory.
+        """
+        n, height, width, _ = checked_bytes(images, (None, None, None, 3), "images", "(N, H, W, 3)")
+        if height % self.multiple or width % self.multiple:
+            raise InputError(
+                "images",
+                f"expected height and width to be multiples of {self.multiple}, "
+                f"got {images.dtype} of shape {images.shape}",
+                "pad them (fronto.scales does)",
+            )
+        small = (height // self.stride, width // self.stride)
+        shapes = {
+            name: (n, channels, *((height, width) if name == "masks" else small))
+            for name, channels in self._channels.items()
+        }
+        remedy = "give fewer or smaller pictures, or the network of the package"
+        return Maps(*self._file.run("image", images, shapes, remedy))

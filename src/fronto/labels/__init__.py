@@ -1,0 +1,1 @@
+"""What is written on buttons and beside them."""

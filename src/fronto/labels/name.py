@@ -1,0 +1,188 @@
+"""What the buttons of a panel are called: readings, plates and the panel's order together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.labels.belief import Belief, best, combined, ranked
+from fronto.labels.crops import crops
+from fronto.labels.evidence import Evidence, Said, gather
+from fronto.labels.layout import grid_of, panel_boxes, straightened
+from fronto.labels.order import in_order
+from fronto.labels.series import is_floor, label_key, normal_label
+from fronto.results import Button, LabelSource, Panel, Plate
+
+if TYPE_CHECKING:
+    from fronto.labels.reader import LabelReader, Reading
+
+__all__ = ["Reader", "name_buttons", "packaged_reader"]
+
+#: A label less probable than this is none: the button is declined. What readings alone make so
+#: probable is not overruled by the neighbours, only declined.
+NAMED = 0.8
+#: A label that readings alone make less probable than this is its neighbours' word.
+READ = 0.5
+#: What part of a button shows may be part of its label: "1" of "12".
+TRUNCATED = 0.5
+#: Guesses worth stating.
+GUESSES, LEAST = 5, 1e-3
+
+
+class Reader(Protocol):
+    """What reads crops, such as :class:`fronto.labels.reader.LabelReader`."""
+
+    def read(self, crops: npt.NDArray[np.uint8], /) -> Sequence[Reading]:
+        """Read crops (n, 48, 48, 3), uint8, RGB."""
+
+
+@cache
+def packaged_reader(threads: int | None = None) -> LabelReader | None:
+    """The label reader of the package; None as long as the package has no weights for one.
+
+    Made on first use, then kept.
+
+    Parameters
+    ----------
+    threads
+        That work on one call; None: all usable cores.
+
+    Raises
+    ------
+    InputError
+        If there are weights, and they cannot be used.
+    """
+    from importlib.resources import files
+
+    from fronto.engine import ReaderEngine
+    from fronto.labels.reader import LabelReader
+
+    names = [file.name for file in (files("fronto") / "weights").iterdir()]
+    if not any(name.startswith("fronto-read-") for name in names):
+        return None
+    return LabelReader(ReaderEngine(threads=threads))
+
+
+def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel:
+    """Read the labels of a panel's buttons and plates.
+
+    Each button and plate is read by itself. A plate speaks for the button beside it
+    (`fronto.labels.plates`), then all buttons are weighed by their neighbours
+    (`fronto.labels.order`). A label that is not sure enough after that is left out. Labels that
+    came with the outlines stay, and help to name the others.
+
+    Parameters
+    ----------
+    panel
+        The result, of any status; without a pose labels are read as the photo shows them.
+    photo
+        Shape (h, w, 3), uint8, RGB: the photo it is of.
+    reader
+        What reads the crops.
+
+    Returns
+    -------
+    The result with `label`, `label_confidence`, `label_source` and `label_guesses` of its
+    buttons, with its `plates` named, and notes on floors that several buttons claim and on
+    plates among the buttons.
+
+    Raises
+    ------
+    InputError
+        If the photo is of another size than the pose's camera.
+    """
+    things: list[Button | Plate] = [*panel.buttons, *panel.plates]
+    if not things:
+        return panel
+    outlines = [thing.outline for thing in things]
+    readings = reader.read(crops(photo, outlines, panel.pose))
+    said = [_said(thing, reading) for thing, reading in zip(things, readings, strict=True)]
+    boxes = panel_boxes(outlines, panel.pose)
+    if panel.pose.status not in ("ok", "uncertain"):
+        boxes = straightened(boxes)
+    count = len(panel.buttons)
+    evidence = gather(said[:count], said[count:], boxes)
+    seen = [combined(*both) for both in zip(evidence.own, evidence.plate, strict=True)]
+    final = in_order(seen, grid_of(boxes[:count]))
+    buttons = tuple(
+        _named(button, final[k], seen[k], evidence.own[k], evidence.plate[k])
+        for k, button in enumerate(panel.buttons)
+    )
+    ids = {pair.plate: panel.buttons[pair.button].id for pair in evidence.pairs}
+    plates = tuple(
+        _named_plate(plate, said[count + k].labels, ids.get(k))
+        for k, plate in enumerate(panel.plates)
+    )
+    notes = [*_contested(panel.buttons, seen, final), *_lying(panel.buttons, evidence)]
+    return replace(panel, buttons=buttons, plates=plates, notes=(*panel.notes, *notes))
+
+
+def _given(thing: Button | Plate) -> str:
+    """The label that came with the outline, in normal form; "" where none did."""
+    return normal_label(thing.label) if thing.label_confidence is None else ""
+
+
+def _said(thing: Button | Plate, reading: Reading) -> Said:
+    """What a button or plate says by itself."""
+    given = _given(thing)
+    if given:
+        return Said({given: 1.0}, "text")
+    total = max(1.0, sum(p for _, p in reading.alternatives))  # they are rounded
+    trust = TRUNCATED if thing.outline.truncated else 1.0
+    labels = {label: trust * p / total for label, p in reading.alternatives if p > 0}
+    return Said(labels, reading.kind, trust * reading.confidence)
+
+
+def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Belief) -> Button:
+    """A button with what is sure enough of its label."""
+    if _given(button):
+        return button
+    label, probability = best(final)
+    probability = min(1.0, probability)
+    guesses = tuple((guess, min(1.0, p)) for guess, p in ranked(final)[:GUESSES] if p >= LEAST)
+    named = replace(button, label_confidence=probability, label_guesses=guesses)
+    read, sure = best(seen)
+    if not label or probability < NAMED or (read != label and sure >= NAMED):
+        return replace(named, label="", label_source=None)
+    source: LabelSource = "button" if own.get(label, 0.0) >= plate.get(label, 0.0) else "plate"
+    if read != label or sure < READ:
+        source = "inferred"
+    return replace(named, label=label, label_source=source)
+
+
+def _named_plate(plate: Plate, said: Belief, button: int | None) -> Plate:
+    if _given(plate):
+        return replace(plate, button=button)
+    label, probability = best(said)
+    sure = probability >= NAMED
+    return replace(
+        plate, label=label if sure else "", label_confidence=min(1.0, probability), button=button
+    )
+
+
+def _contested(
+    buttons: Sequence[Button], seen: Sequence[Belief], final: Sequence[Belief]
+) -> Iterator[str]:
+    """Remarks on floors that several buttons claim by themselves."""
+    claims: dict[str, list[int]] = {}
+    for k, (label, p) in enumerate(map(best, seen)):
+        if p >= READ and is_floor(label):
+            claims.setdefault(label_key(label), []).append(k)
+    for key, several in claims.items():
+        if len(several) > 1:
+            won = [k for k in several if label_key(best(final[k])[0]) == key]
+            won = [k for k in won if best(final[k])[1] >= NAMED]
+            kept = f"only {buttons[won[0]].id} is named so" if won else "none is named so"
+            ids = ", ".join(str(buttons[k].id) for k in several)
+            yield f"buttons {ids} all seem to be {key}: {kept}"
+
+
+def _lying(buttons: Sequence[Button], evidence: Evidence) -> Iterator[str]:
+    """Remarks on plates among the buttons."""
+    for plate, button in evidence.strays:
+        yield f"button {buttons[plate].id} is rather the plate of button {buttons[button].id}"

@@ -1,0 +1,153 @@
+"""What crops of buttons and plates say, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.datasets.names import CATEGORY
+from fronto.engine import ReaderEngine
+from fronto.errors import InputError
+from fronto.labels.alphabet import CROP_PX, KINDS
+from fronto.labels.decode import decode
+
+__all__ = ["LabelReader", "Reading", "default_reader"]
+
+#: What a crop can show instead of a label.
+NO_LABEL = ("other", "blank", "unreadable")
+#: Kinds whose name is the label.
+FUNCTIONS = tuple(kind for kind in KINDS if kind != "text" and kind not in NO_LABEL)
+#: Texts that say a function: "OPEN", "DN", "BELL".
+WORDS = {
+    name.replace(" ", "").upper(): function
+    for name, function in CATEGORY.items()
+    if function in FUNCTIONS
+}
+#: Labels less probable than this are no alternatives.
+LEAST = 1e-3
+#: Crops at a time: more are no faster, and need more memory.
+BATCH = 64
+
+
+@dataclass(frozen=True)
+class Reading:
+    r"""What one crop says.
+
+    Parameters
+    ----------
+    text
+        The label: a text in normal form ("12", "B1", "-2", "\*1", "FAN"), or the word of a
+        function: "up", "down", "open", "close", "alarm", "stop", "keyhole". "" for none.
+    kind
+        One of `fronto.labels.alphabet.KINDS`: "text", a function, or, where `text` is "",
+        what there is instead: "other", "blank" or "unreadable".
+    confidence
+        Probability of this label; where there is none, that of the kind. From 0 to 1; a low one
+        changes nothing else, and what to make of it is up to others.
+    alternatives
+        Labels and their probabilities, the most probable first, this one among them.
+    """
+
+    text: str
+    kind: str
+    confidence: float
+    alternatives: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError("kind", f"expected one of {', '.join(KINDS)}, got {self.kind!r}")
+        for name, value in (("confidence", self.confidence), *self.alternatives):
+            if not 0 <= value <= 1:
+                raise InputError(name, f"expected a probability from 0 to 1, got {value}")
+
+
+class LabelReader:
+    """Reads crops of buttons and plates; several threads may share one.
+
+    Parameters
+    ----------
+    engine
+        The network; None: the one in the package.
+
+    Raises
+    ------
+    InputError
+        If there is no such network.
+    """
+
+    def __init__(self, engine: ReaderEngine | None = None) -> None:
+        self.engine = ReaderEngine() if engine is None else engine
+
+    def read(self, crops: npt.NDArray[np.uint8]) -> tuple[Reading, ...]:
+        """Read crops.
+
+        Parameters
+        ----------
+        crops
+            Shape (n, 48, 48, 3), uint8, RGB, as :func:`fronto.labels.crops.crops` cuts them.
+
+        Returns
+        -------
+        One reading for each.
+
+        Raises
+        ------
+        InputError
+            If the crops are of another type or shape.
+        """
+        if isinstance(crops, np.ndarray) and crops.shape == (0, CROP_PX, CROP_PX, 3):
+            return ()
+        first = self._read(crops[:BATCH])
+        rest = range(BATCH, len(crops), BATCH)
+        return first + tuple(r for k in rest for r in self._read(crops[k : k + BATCH]))
+
+    def _read(self, crops: npt.NDArray[np.uint8]) -> tuple[Reading, ...]:
+        scores = self.engine.run(crops)
+        kinds = [
+            dict(zip(self.engine.kinds, row, strict=True))
+            for row in np.minimum(scores.kind, 1).tolist()
+        ]
+        # Looking for texts takes longest: only where there may be one.
+        rows = [k for k, kind in enumerate(kinds) if kind["text"] >= LEAST]
+        texts = dict(zip(rows, decode(scores.text[rows], self.engine.alphabet), strict=True))
+        return tuple(_reading(kind, texts.get(k, ())) for k, kind in enumerate(kinds))
+
+
+@cache
+def default_reader() -> LabelReader:
+    """The reader with the packaged weights and all cores; made on first use, then kept.
+
+    Raises
+    ------
+    InputError
+        If the package has no such weights.
+    """
+    return LabelReader()
+
+
+def _reading(kinds: Mapping[str, float], texts: Sequence[tuple[str, float]]) -> Reading:
+    """What the probabilities of kinds, and of texts where it is one, come to."""
+    labels = {function: kinds[function] for function in FUNCTIONS}
+    nothing = {kind: kinds[kind] for kind in NO_LABEL}
+    if not texts:
+        nothing["unreadable"] += kinds["text"]
+    for text, probability in texts:
+        probability *= kinds["text"]
+        if text:
+            label = WORDS.get(text, text)
+            labels[label] = labels.get(label, 0.0) + probability
+        else:
+            nothing["unreadable"] += probability
+    ranked = sorted(labels.items(), key=lambda item: -item[1])
+    alternatives = tuple((label, min(p, 1.0)) for label, p in ranked if p >= LEAST)
+    # Whether there is a label comes first: several texts that are likely together are one
+    # label that is not sure, even where each is less likely than none.
+    if sum(nothing.values()) > 0.5 or not alternatives:
+        kind = max(nothing, key=nothing.__getitem__)
+        return Reading("", kind, min(nothing[kind], 1.0), alternatives)
+    label, confidence = alternatives[0]
+    return Reading(label, label if label in FUNCTIONS else "text", confidence, alternatives)
