@@ -6,8 +6,6 @@ does that when it loads), so that a published file is also a checkpoint to train
 
 from __future__ import annotations
 
-import hashlib
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -20,10 +18,10 @@ from torch import Tensor, nn
 from fronto.categories import CATEGORIES
 from fronto.errors import InputError
 from fronto.train.network import STRIDE, Network, NetworkOptions
+from fronto.train.onnxwriter import write_onnx
 
 __all__ = ["export_onnx", "load_onnx"]
 
-OPSET = 18
 FORMAT = "fronto.segmentation/1"
 #: Height and width must be multiples of this.
 MULTIPLE = 16
@@ -69,60 +67,26 @@ def export_onnx(network: Network, directory: Path, name: str, metadata: Mapping[
     -------
     The file.
     """
-    import onnx
-    import onnxscript.optimizer
-
-    model = _Deployed(network).eval()
-    example = torch.zeros(2, 96, 128, 3, dtype=torch.uint8)
     batch, rows, columns = (torch.export.Dim(n, min=1) for n in ("batch", "rows", "columns"))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter warns of its own deprecated parts
-        program = torch.onnx.export(
-            model,
-            (example,),
-            input_names=["image"],
-            output_names=["masks", "classes", "centers", "sides"],
-            dynamic_shapes=({0: batch, 1: MULTIPLE * rows, 2: MULTIPLE * columns},),
-            opset_version=OPSET,
-            dynamo=True,
-            optimize=False,
-            verbose=False,
-        )
-    assert program is not None
-    # Constants only: the exporter's own optimisation would fold the batch norms, too.
-    onnxscript.optimizer.fold_constants(program.model)
-    onnxscript.optimizer.remove_unused_nodes(program.model)
-    exported = program.model_proto
-    _forget_origins(exported)
-    for key, value in {
-        "format": FORMAT,
-        "classes": ",".join(CATEGORIES),
-        "mean": "0,0,0",
-        "std": "255,255,255",
-        "stride": str(STRIDE),
-        "multiple": str(MULTIPLE),
-        "network": msgspec.json.encode(asdict(network.options)).decode(),
-        **metadata,
-    }.items():
-        entry = exported.metadata_props.add()
-        entry.key, entry.value = key, value
-    onnx.checker.check_model(exported)
-    content = exported.SerializeToString()
-    directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.onnx"
-    path.write_bytes(content)
-    return path
-
-
-def _forget_origins(model: Any) -> None:
-    """Drop stack traces: they carry this machine's paths, and a megabyte."""
-    for node in model.graph.node:
-        del node.metadata_props[:]
-        node.doc_string = ""
-    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
-        del value.metadata_props[:]
-    for tensor in model.graph.initializer:
-        del tensor.metadata_props[:]
+    return write_onnx(
+        _Deployed(network).eval(),
+        torch.zeros(2, 96, 128, 3, dtype=torch.uint8),
+        inputs=["image"],
+        outputs=["masks", "classes", "centers", "sides"],
+        dynamic={0: batch, 1: MULTIPLE * rows, 2: MULTIPLE * columns},
+        metadata={
+            "format": FORMAT,
+            "classes": ",".join(CATEGORIES),
+            "mean": "0,0,0",
+            "std": "255,255,255",
+            "stride": str(STRIDE),
+            "multiple": str(MULTIPLE),
+            "network": msgspec.json.encode(asdict(network.options)).decode(),
+            **metadata,
+        },
+        directory=directory,
+        name=name,
+    )
 
 
 def load_onnx(path: Path) -> Network:

@@ -6,27 +6,38 @@ events.
 
 from __future__ import annotations
 
-import csv
 import logging
-import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 
-from fronto.errors import InputError
 from fronto.train.data import Source, batches
 from fronto.train.losses import Batch, Losses, losses
 from fronto.train.network import Network, NetworkOptions
+from fronto.train.runs import (
+    averaged_model,
+    module_state,
+    numbered,
+    parameter_groups,
+    rate_share,
+    read_checkpoint,
+    restart_seed,
+    same_network,
+    write_checkpoint,
+    write_figures,
+)
 
 __all__ = ["FitOptions", "fit", "load_checkpoint"]
 
 log = logging.getLogger(__name__)
+
+KIND = "a run's .pt file"
 
 
 @dataclass(frozen=True)
@@ -108,12 +119,8 @@ def fit(
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     kept = _freeze(network, options.frozen)
-    averaged = torch.optim.swa_utils.AveragedModel(
-        network,
-        multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(options.average),
-        use_buffers=True,
-    )
-    optimizer = torch.optim.AdamW(_groups(network, options.decay), options.rate)
+    averaged = averaged_model(network, options.average)
+    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate)
     scaler = torch.amp.GradScaler(device.type, enabled=device.type == "cuda")
     first = 0
     if (run / "last.pt").exists():
@@ -122,12 +129,11 @@ def fit(
     model: nn.Module = network
     if torch.cuda.device_count() > 1:
         model = nn.DataParallel(network)
-    # Another seed after each restart: the same pictures would come again otherwise.
     loader = batches(
         sources,
         batch=options.batch,
         size=options.size,
-        seed=options.seed + 7919 * first,
+        seed=restart_seed(options.seed, first),
         workers=options.workers,
     )
     with _Metrics(run) as metrics:
@@ -135,16 +141,17 @@ def fit(
         for part in kept:
             part.eval()  # normalises as it did
         started = time.monotonic()
-        for step, batch in _numbered(loader, first, options.steps, progress):
+        for step, batch in numbered(loader, first, options.steps, progress):
+            rate = options.rate * rate_share(step, options.warmup, options.steps)
             for group in optimizer.param_groups:
-                group["lr"] = options.rate * _schedule(step, options)
+                group["lr"] = rate
             parts = _step(model, batch, optimizer, scaler, device)
             averaged.update_parameters(network)
             metrics.add(parts)
             done = step + 1
             if done % options.save_every == 0 or done == options.steps:
                 figures = metrics.mean()
-                figures["rate"] = options.rate * _schedule(step, options)
+                figures["rate"] = rate
                 figures["seconds"] = time.monotonic() - started
                 if validate is not None:
                     figures |= validate(cast(Network, averaged.module).eval())
@@ -161,31 +168,13 @@ def load_checkpoint(path: Path) -> Network:
     InputError
         If the file is missing or no checkpoint.
     """
-    state = _read(path)
+    state = read_checkpoint(path, "network_options", KIND)
     options = state["network_options"]
     # Networks of earlier versions have no details, and do not say so.
     stated = {"details": 0} | options | {"rates": tuple(options["rates"])}
     network = Network(NetworkOptions(**stated))
-    network.load_state_dict(_module_state(state["averaged"]))
+    network.load_state_dict(module_state(state["averaged"]))
     return network.eval()
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        _ = state["averaged"], state["network_options"]
-    except FileNotFoundError:
-        raise InputError(f"checkpoint {path}", "expected a file, there is none") from None
-    except Exception as error:  # whatever the unpickler makes of other files
-        reason = " ".join(str(error).split())[:80]
-        raise InputError(f"checkpoint {path}", f"expected a run's .pt file, got: {reason}") from (
-            None
-        )
-    return state
-
-
-def _module_state(averaged: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {k.removeprefix("module."): v for k, v in averaged.items() if k.startswith("module.")}
 
 
 def _freeze(network: Network, blocks: int) -> list[nn.Module]:
@@ -194,21 +183,6 @@ def _freeze(network: Network, blocks: int) -> list[nn.Module]:
     for part in kept:
         part.requires_grad_(False)
     return kept
-
-
-def _groups(network: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """No weight decay for biases and normalisation."""
-    trained = [p for p in network.parameters() if p.requires_grad]
-    matrices = [p for p in trained if p.ndim > 1]
-    others = [p for p in trained if p.ndim <= 1]
-    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
-
-
-def _schedule(step: int, options: FitOptions) -> float:
-    if step < options.warmup:
-        return (step + 1) / options.warmup
-    share = (step - options.warmup) / max(1, options.steps - options.warmup)
-    return 0.5 * (1 + math.cos(math.pi * share)) + 1e-3
 
 
 def _autocast(device: torch.device) -> AbstractContextManager[Any]:
@@ -239,15 +213,6 @@ def _step(
     return Losses(*(part.detach() for part in parts))
 
 
-def _numbered(
-    loader: torch.utils.data.DataLoader[Batch], first: int, last: int, progress: bool
-) -> Iterator[tuple[int, Batch]]:
-    from tqdm import tqdm
-
-    steps = tqdm(range(first, last), initial=first, total=last, unit="step", disable=not progress)
-    return zip(steps, loader, strict=False)
-
-
 def _resume(
     path: Path,
     network: Network,
@@ -255,13 +220,8 @@ def _resume(
     optimizer: torch.optim.Optimizer,
     scaler: torch.amp.GradScaler,
 ) -> int:
-    state = _read(path)
-    if state["network_options"] != _options_of(network):
-        raise InputError(
-            f"run {path.parent}",
-            f"expected a run of this network ({network.options}), got {state['network_options']}",
-            "name another folder, or give the run's own options",
-        )
+    state = read_checkpoint(path, "network_options", KIND)
+    same_network(path, state["network_options"], _options_of(network))
     network.load_state_dict(state["network"])
     averaged.load_state_dict(state["averaged"])
     optimizer.load_state_dict(state["optimizer"])
@@ -281,7 +241,6 @@ def _save(
     optimizer: torch.optim.Optimizer,
     scaler: torch.amp.GradScaler,
 ) -> None:
-    """Write a checkpoint in one piece: a run that is killed meanwhile keeps the old one."""
     state = {
         "step": step,
         "network_options": _options_of(network),
@@ -290,9 +249,7 @@ def _save(
         "optimizer": optimizer.state_dict(),
         "scaler": scaler.state_dict(),
     }
-    partial = path.with_suffix(".part")
-    torch.save(state, partial)
-    partial.replace(path)
+    write_checkpoint(path, state)
 
 
 class _Metrics:
@@ -327,13 +284,4 @@ class _Metrics:
     def write(self, step: int, figures: dict[str, float]) -> None:
         for name, value in figures.items():
             self.writer.add_scalar(name, value, step)
-        columns = ["step", *figures]
-        new = not self.path.exists()
-        if not new:  # begun with other figures, maybe: its columns stay
-            with self.path.open(newline="", encoding="utf-8") as file:
-                columns = next(csv.reader(file), columns)
-        with self.path.open("a", newline="", encoding="utf-8") as file:
-            rows = csv.DictWriter(file, columns, restval="nan", extrasaction="ignore")
-            if new:
-                rows.writeheader()
-            rows.writerow({"step": step, **{k: f"{v:.6g}" for k, v in figures.items()}})
+        write_figures(self.path, step, figures)

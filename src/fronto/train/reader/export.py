@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +12,7 @@ from torch import Tensor, nn
 
 from fronto.engine.reader import FORMAT
 from fronto.labels.alphabet import ALPHABET, CROP_PX, KINDS
-from fronto.train.export import OPSET, _forget_origins
+from fronto.train.onnxwriter import write_onnx
 from fronto.train.reader.fit import network_input
 from fronto.train.reader.network import ReaderNetwork
 from fronto.train.reader.validate import Temperatures
@@ -67,44 +65,22 @@ def export_reader(
     -------
     The file.
     """
-    import onnx
-    import onnxscript.optimizer
-
     temperatures = temperatures or Temperatures()
-    model = _Deployed(network, temperatures).eval()
-    example = torch.zeros(2, CROP_PX, CROP_PX, 3, dtype=torch.uint8)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter warns of its own deprecated parts
-        program = torch.onnx.export(
-            model,
-            (example,),
-            input_names=["crops"],
-            output_names=["text", "kind"],
-            dynamic_shapes=({0: torch.export.Dim("batch", min=1)},),
-            opset_version=OPSET,
-            dynamo=True,
-            optimize=False,
-            verbose=False,
-        )
-    assert program is not None
-    onnxscript.optimizer.fold_constants(program.model)
-    onnxscript.optimizer.remove_unused_nodes(program.model)
-    exported = program.model_proto
-    _forget_origins(exported)
-    for key, value in {
-        "format": FORMAT,
-        "alphabet": ALPHABET,
-        "kinds": ",".join(KINDS),
-        "text_temperature": f"{temperatures.text:.4g}",
-        "kind_temperature": f"{temperatures.kind:.4g}",
-        "network": msgspec.json.encode(asdict(network.options)).decode(),
-        **metadata,
-    }.items():
-        entry = exported.metadata_props.add()
-        entry.key, entry.value = key, value
-    onnx.checker.check_model(exported)
-    content = exported.SerializeToString()
-    directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.onnx"
-    path.write_bytes(content)
-    return path
+    return write_onnx(
+        _Deployed(network, temperatures).eval(),
+        torch.zeros(2, CROP_PX, CROP_PX, 3, dtype=torch.uint8),
+        inputs=["crops"],
+        outputs=["text", "kind"],
+        dynamic={0: torch.export.Dim("batch", min=1)},
+        metadata={
+            "format": FORMAT,
+            "alphabet": ALPHABET,
+            "kinds": ",".join(KINDS),
+            "text_temperature": f"{temperatures.text:.4g}",
+            "kind_temperature": f"{temperatures.kind:.4g}",
+            "network": msgspec.json.encode(asdict(network.options)).decode(),
+            **metadata,
+        },
+        directory=directory,
+        name=name,
+    )

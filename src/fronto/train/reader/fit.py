@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -17,9 +15,20 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from fronto.errors import InputError
 from fronto.train.reader.data import CropBatch, CropSource, crop_batches
 from fronto.train.reader.network import SPELLED, Lesson, ReaderNetwork, ReaderOptions
+from fronto.train.runs import (
+    averaged_model,
+    module_state,
+    numbered,
+    parameter_groups,
+    rate_share,
+    read_checkpoint,
+    restart_seed,
+    same_network,
+    write_checkpoint,
+    write_figures,
+)
 
 __all__ = [
     "ReaderFit",
@@ -31,6 +40,7 @@ __all__ = [
     "text_losses",
 ]
 
+KIND = "the .pt file of a reader's run"
 #: Kinds that annotators mix up are softened.
 SMOOTHING = 0.05
 #: CTC's gradients outweigh all others while it knows no character yet, and nothing is learnt
@@ -173,22 +183,17 @@ def fit_reader(
     run.mkdir(parents=True, exist_ok=True)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-    averaged = torch.optim.swa_utils.AveragedModel(
-        network,
-        multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(options.average),
-        use_buffers=True,
-    )
-    optimizer = torch.optim.AdamW(_groups(network, options.decay), options.rate, BETAS)
-    parts = {"network": network, "averaged": averaged, "optimizer": optimizer}
+    averaged = averaged_model(network, options.average)
+    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate, BETAS)
+    parts: dict[str, Any] = {"network": network, "averaged": averaged, "optimizer": optimizer}
     first = _resume(run / "last.pt", network, parts) if (run / "last.pt").exists() else 0
-    # Another seed after each restart: the same crops would come again otherwise.
-    seed = options.seed + 7919 * first
+    seed = restart_seed(options.seed, first)
     loader = crop_batches(sources, batch=options.batch, seed=seed, workers=options.workers)
     none = torch.zeros(len(ReaderLosses._fields))
     sums, started, since = none, time.monotonic(), first
     network.train()
-    for step, batch in _numbered(loader, first, options.steps, progress):
-        rate = options.rate * _schedule(step, options)
+    for step, batch in numbered(loader, first, options.steps, progress):
+        rate = options.rate * rate_share(step, options.warmup, options.steps)
         for group in optimizer.param_groups:
             group["lr"] = rate
         batch = CropBatch(*(part.to(device) for part in batch))
@@ -202,8 +207,10 @@ def fit_reader(
             figures |= {"rate": rate, "seconds": time.monotonic() - started}
             if validate is not None:
                 figures |= validate(cast(ReaderNetwork, averaged.module).eval())
-            _write(run / "metrics.csv", done, figures)
-            _save(run / "last.pt", done, network, parts)
+            write_figures(run / "metrics.csv", done, figures)
+            states = {name: part.state_dict() for name, part in parts.items()}
+            options_now = {"step": done, "reader_options": _options_of(network)}
+            write_checkpoint(run / "last.pt", options_now | states)
             sums, since = none, done
     return cast(ReaderNetwork, averaged.module).eval()
 
@@ -216,13 +223,10 @@ def load_reader(path: Path) -> ReaderNetwork:
     InputError
         If the file is missing or no checkpoint of a reader.
     """
-    state = _read(path)
+    state = read_checkpoint(path, "reader_options", KIND)
     options = state["reader_options"]
     network = ReaderNetwork(ReaderOptions(**options | {"stages": tuple(options["stages"])}))
-    weights: dict[str, Tensor] = state["averaged"]
-    network.load_state_dict(
-        {k.removeprefix("module."): v for k, v in weights.items() if k.startswith("module.")}
-    )
+    network.load_state_dict(module_state(state["averaged"]))
     return network.eval()
 
 
@@ -238,76 +242,13 @@ def _step(
     return losses
 
 
-def _groups(network: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """No weight decay for biases and normalisation."""
-    matrices = [p for p in network.parameters() if p.ndim > 1]
-    others = [p for p in network.parameters() if p.ndim <= 1]
-    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
-
-
-def _schedule(step: int, options: ReaderFit) -> float:
-    if step < options.warmup:
-        return (step + 1) / options.warmup
-    share = (step - options.warmup) / max(1, options.steps - options.warmup)
-    return 0.5 * (1 + math.cos(math.pi * share)) + 1e-3
-
-
-def _numbered(
-    loader: torch.utils.data.DataLoader[CropBatch], first: int, last: int, progress: bool
-) -> Iterator[tuple[int, CropBatch]]:
-    from tqdm import tqdm
-
-    steps = tqdm(range(first, last), initial=first, total=last, unit="step", disable=not progress)
-    return zip(steps, loader, strict=False)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        _ = state["averaged"], state["reader_options"]["stages"]
-    except FileNotFoundError:
-        raise InputError(f"checkpoint {path}", "expected a file, there is none") from None
-    except Exception as error:  # whatever the unpickler makes of other files
-        reason = " ".join(str(error).split())[:80]
-        raise InputError(
-            f"checkpoint {path}", f"expected the .pt file of a reader's run, got: {reason}"
-        ) from None
-    return state
-
-
 def _options_of(network: ReaderNetwork) -> dict[str, Any]:
     return asdict(network.options) | {"stages": list(network.options.stages)}
 
 
 def _resume(path: Path, network: ReaderNetwork, parts: dict[str, Any]) -> int:
-    state = _read(path)
-    if state["reader_options"] != _options_of(network):
-        raise InputError(
-            f"run {path.parent}",
-            f"expected a run of this network ({network.options}), got {state['reader_options']}",
-            "name another folder, or give the run's own options",
-        )
+    state = read_checkpoint(path, "reader_options", KIND)
+    same_network(path, state["reader_options"], _options_of(network))
     for name, part in parts.items():
         part.load_state_dict(state[name])
     return int(state["step"])
-
-
-def _save(path: Path, step: int, network: ReaderNetwork, parts: dict[str, Any]) -> None:
-    """Write a checkpoint in one piece: a run that is killed meanwhile keeps the old one."""
-    states = {name: part.state_dict() for name, part in parts.items()}
-    partial = path.with_suffix(".part")
-    torch.save({"step": step, "reader_options": _options_of(network), **states}, partial)
-    partial.replace(path)
-
-
-def _write(path: Path, step: int, figures: dict[str, float]) -> None:
-    columns = ["step", *figures]
-    new = not path.exists()
-    if not new:  # begun with other figures, maybe: its columns stay
-        with path.open(newline="", encoding="utf-8") as file:
-            columns = next(csv.reader(file), columns)
-    with path.open("a", newline="", encoding="utf-8") as file:
-        rows = csv.DictWriter(file, columns, restval="nan", extrasaction="ignore")
-        if new:
-            rows.writeheader()
-        rows.writerow({"step": step, **{k: f"{v:.6g}" for k, v in figures.items()}})
