@@ -227,3 +227,42 @@ def test_long_and_short_focal_lengths(view, grid):
         camera = Camera.from_matrix([[focal, 0, 320], [0, focal, 240], [0, 0, 1]], 640, 480)
         panel = view(grid(3, 5), (20, -25, 5), camera=camera, distance_m=distance, std_px=0.01)
         assert panel.error_deg(estimate_pose(panel.outlines, camera)) < 0.1
+
+
+# --- sizes and shapes that differ
+
+
+def test_keyholes_have_a_size_of_their_own(view):
+    # Slightly smaller below, as if the panel leaned away there: only that they are keyholes
+    # tells that they may be.
+    buttons = [
+        *(LayoutButton(0.0, y, 0.036, 0.036, "ellipse") for y in (-0.06, -0.02)),
+        *(LayoutButton(x, 0.04, 0.034, 0.034, "ellipse") for x in (-0.05, 0.0, 0.05)),
+    ]
+    names = ["up", "down", "keyhole", "keyhole", "keyhole"]
+    for seed in range(5):
+        panel = view(buttons, (0, 3, 3), distance_m=0.35, std_px=0.1).noisy(seed, 0.1)
+        pairs = zip(panel.outlines, names, strict=True)
+        named = estimate_pose([replace(o, category=name) for o, name in pairs], panel.camera)
+        assert panel.error_deg(named) < 3.0
+        nameless = estimate_pose(panel.outlines, panel.camera)
+        assert panel.error_deg(nameless) > panel.error_deg(named)
+
+
+def test_round_beside_square_needs_a_surer_rotation(view, grid):
+    # Outlines of both shapes in one column of like buttons: some are probably wrong.
+    column = grid(1, 6)
+    mixed = [replace(b, shape="ellipse") if k < 2 else b for k, b in enumerate(column)]
+
+    def pose_of(buttons, noise):
+        panel = view(buttons, (20, 5, 0), distance_m=0.6, std_px=noise).noisy(3, noise)
+        return estimate_pose(panel.outlines, panel.camera)
+
+    alike = pose_of(column, 0.3)
+    assert alike.status == "ok"
+    assert max(alike.std_deg) > 1.5
+    assert pose_of(mixed, 0.1).status == "ok"
+    doubted = pose_of(mixed, 0.2)
+    assert 1.5 < max(doubted.std_deg) < 2.3
+    assert doubted.status == "uncertain"
+    assert any("square" in reason for reason in doubted.reasons)

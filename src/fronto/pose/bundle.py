@@ -47,6 +47,8 @@ class Observations:
         the panel, in units of that point's depth.
     axis, segment, line_isd
         (l,), (l, 4), (l,): axis-parallel segments; axis 0 horizontal, 1 vertical.
+    keyhole
+        (n,): not pressed but turned, of a make and size of its own; none where empty.
     """
 
     kind: IntArray
@@ -56,6 +58,13 @@ class Observations:
     axis: IntArray = field(default_factory=lambda: np.zeros(0, np.intc))
     segment: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     line_isd: FloatArray = field(default_factory=lambda: np.zeros(0))
+    keyhole: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+
+    @property
+    def family(self) -> npt.NDArray[np.intp]:
+        """(n,): buttons of different families never share a size."""
+        family = self.kind.astype(np.intp)
+        return 2 * family + self.keyhole if len(self.keyhole) else family
 
     @functools.cached_property
     def addresses(self) -> tuple[int, ...]:

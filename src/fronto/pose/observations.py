@@ -123,8 +123,9 @@ def observations(
     middle = affine @ boxes.reshape(-1, 2).mean(axis=0) + shift
     pivot = (float(middle[0]), float(middle[1]))
     sides = _sides(outlines)
+    keyhole = np.array([o.category == "keyhole" for o in outlines])
     if not lines and not sides:
-        return Observations(kind, observed, inverse_sd, pivot)
+        return Observations(kind, observed, inverse_sd, pivot, keyhole=keyhole)
     ends = np.array([line.ends_px for line in lines], np.float64).reshape(-1, 2)
     ends = camera.undistort_points(ends) if camera.distorted else ends
     if not np.isfinite(ends).all():
@@ -146,6 +147,7 @@ def observations(
         np.array(axis, dtype=np.intc),
         np.ascontiguousarray(ends.reshape(-1, 4)),
         np.array(line_isd),
+        keyhole,
     )
 
 

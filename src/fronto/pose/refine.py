@@ -143,7 +143,7 @@ def adjust(
     if focal_isd > 0:
         focal_isd *= np.sqrt(common)
     seen = replace(seen, line_isd=seen.line_isd * np.sqrt(common))
-    model = base_model(seen, numbered(seen.kind), square, focal_isd)
+    model = base_model(seen, numbered(seen.family), square, focal_isd)
     model = replace(model, line_c2=common * model.line_c2)
     rotations = starting_rotations(seen, TILT_KNOWN if focal_isd < 0 else TILT_UNKNOWN)
     start = initial_parameters(seen, model, rotations)
@@ -181,7 +181,7 @@ def _with_structure(
     shared: _Shared,
 ) -> _Scored:
     """Solve with size groups and ties; what explains the most, its score first."""
-    kinds = numbered(seen.kind)
+    kinds = numbered(seen.family)
     if shared.template is not None:
         candidates = [template_groups(seen, shared.template)]
     else:

@@ -34,6 +34,8 @@ ALIGN_GAP = 0.35
 #: Sizes that differ by less than this (logarithm), or by this many of their deviations,
 #: are one.
 SIZE_GAP, SIZE_DEVIATIONS = 0.1, 4.0
+#: Smallest deviation of a tie, in units of the pivot's depth.
+TINY = 1e-9
 
 
 def base_model(seen: Observations, group: GroupArray, square: bool, focal_isd: float) -> Model:
@@ -104,13 +106,14 @@ def tied_model(model: Model, xy: FloatArray, width: float) -> Model:
         tie_index[:, 2 * axis] = latent[labels]
         tied = tie_index[:, 2 * axis] >= 0
         tie_coef[tied, 2 * axis] = 1.0
-        tie_isd[tied, axis] = np.sqrt(2) / (ALIGN_STD * width)
+        # A size group that has run off leaves no width to measure by.
+        tie_isd[tied, axis] = np.sqrt(2) / max(ALIGN_STD * width, TINY)
         latents = int(max(latents, latent.max() + 1))
     return replace(model, tie_index=tie_index, tie_coef=tie_coef, tie_isd=tie_isd, latents=latents)
 
 
 def size_groups(seen: Observations, solution: Solution, model: Model) -> GroupArray:
-    """Group label of each button (n,): same shape and, on the plane, about the same size.
+    """Group label of each button (n,): same family and, on the plane, about the same size.
 
     Wide OPEN and CLOSE buttons beside square floor buttons are two groups; one shared
     size would bend the pose.
@@ -118,14 +121,15 @@ def size_groups(seen: Observations, solution: Solution, model: Model) -> GroupAr
     scale = float(np.exp(solution.parameters[FOCAL]))
     _, log_size, _ = back_project(seen, solution.rotation[None], scale)
     sizes = log_size[0]
-    same_kind = (seen.kind == seen.kind[0]).all()
-    if same_kind and (sizes.max(axis=0) - sizes.min(axis=0) < SIZE_GAP).all():
+    family = seen.family
+    same = (family == family[0]).all()
+    if same and (sizes.max(axis=0) - sizes.min(axis=0) < SIZE_GAP).all():
         return np.zeros(len(sizes), dtype=np.intp)
     # A corner's deviation over the size is the logarithm's; tangents carry twice theirs.
     reach = np.exp(sizes.mean(axis=1))
     deviation = 1.0 / (np.maximum(seen.inverse_sd[:, :4].max(axis=1), 1e-9) * reach)
     gap = np.maximum(SIZE_GAP, SIZE_DEVIATIONS * float(middle(deviation)))
-    labels = seen.kind.astype(np.intp)
+    labels = family
     for axis in range(2):
         labels = labels * len(sizes) + chains(sizes[:, axis], gap)
     return numbered(labels)
@@ -138,7 +142,7 @@ def lattice_groups(seen: Observations, model: Model) -> list[GroupArray]:
         labels = model.tie_index[:, 2 * axis].astype(np.intp)
         alone = labels < 0
         labels[alone] = labels.max() + 1 + np.arange(np.count_nonzero(alone))
-        group = numbered(labels * (seen.kind.max() + 1) + seen.kind)
+        group = numbered(labels * (seen.family.max() + 1) + seen.family)
         if 1 < group.max() + 1 < len(group):
             groupings.append(group)
     return groupings

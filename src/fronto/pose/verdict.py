@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fronto.pose.bundle import FOCAL, QUAD, Model, Solution
+from fronto.pose.bundle import FOCAL, QUAD, Model, Observations, Solution
 from fronto.pose.refine import CONTRADICTION, RIVAL, Adjustment, excess
 from fronto.pose.rotation import rotation_log
 from fronto.pose.starts import middle
@@ -38,12 +38,17 @@ RIVAL_OF_TWO = 15.0
 COVERED = 14.0
 #: Weight below which an outline counts as set aside.
 SET_ASIDE = 0.5
+#: Where outlines may have the wrong shape (a blurred square looks round, a round button in a
+#: square bezel square), others have to hold the rotation better than this ...
+MIXED_STD_RAD = np.radians(1.5)
+#: ... which is so where both shapes have this share of the buttons, and more than one.
+MIXED_SHARE = 0.25
 #: Residuals larger than this share of the button's size: no flat panel fits.
 BAD_FIT = 0.07
 #: So do residuals this many times the stated deviations.
 BAD_FACTOR = 5.0
 #: Rolls beyond this are more likely a wrong corner order or a photo to be turned.
-ROLLED_RAD = np.radians(60.0)
+ROLLED_RAD = np.radians(45.0)
 #: A focal length less sure than this (standard deviation of ln f) has not been observed ...
 FOCAL_OBSERVABLE = 0.15
 #: ... which is harmless as long as squares would still come out square.
@@ -170,6 +175,11 @@ def judge(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
         )
+    elif std_given_focal > MIXED_STD_RAD and _mixed(adjustment.seen):
+        reasons.append(
+            f"buttons seen as round beside buttons seen as square, and the rotation known to "
+            f"±{np.degrees(std_given_focal):.1f}° only: some may have been taken for the other"
+        )
     shows = cov[FOCAL, FOCAL] <= FOCAL_OBSERVABLE**2
     if not shows and aspect_std is not None and aspect_std > OK_ASPECT_STD:
         off = 100 * aspect_std
@@ -196,7 +206,7 @@ def judge(
         )
     if abs(np.arctan2(best.rotation[0, 1], best.rotation[0, 0])) > ROLLED_RAD:
         reasons.append(
-            "the panel appears rolled by more than 60°: wrong corner order, or a photo to be turned"
+            "the panel appears rolled by more than 45°: wrong corner order, or a photo to be turned"
         )
     return Verdict("uncertain" if reasons else "ok", tuple(reasons), rivals)
 
@@ -205,6 +215,13 @@ def _agreeing_lines(adjustment: Adjustment, solution: Solution) -> int:
     if not len(adjustment.seen.axis):
         return 0
     return int((line_weights(adjustment, solution) > SET_ASIDE).sum())
+
+
+def _mixed(seen: Observations) -> bool:
+    """Whether there are both round and square ones among the buttons; keyholes are round."""
+    kind = seen.kind[~seen.keyhole] if len(seen.keyhole) else seen.kind
+    fewer = min(int((kind == QUAD).sum()), int((kind != QUAD).sum()))
+    return fewer > 1 and fewer >= MIXED_SHARE * len(kind)
 
 
 def _covered(rotation: FloatArray, best: FloatArray, cov: FloatArray) -> bool:
