@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from fronto import Panel, Template, TemplateButton
+from fronto.cli import main
 from fronto.cli.positions import LengthSource, length_source, position_options
 from fronto.errors import InputError
+from fronto.outlinefile import write_outlines
 from fronto.pipeline import rectify_outlines
 from fronto.synth import Layout, LayoutButton, sample_scene
+from fronto.templatefile import read_template
 
 PHOTO = Path("hall.jpg")
 
@@ -174,3 +179,111 @@ def test_help_names_units() -> None:
     text = CliRunner().invoke(command, ["--help"]).output
     for words in ("--button-size MM", "--pitch MM", "--depth-at X,Y,METRES", "millimetres"):
         assert words in " ".join(text.split())
+
+
+# --- `fronto rectify` with a length
+
+
+class Room:
+    """A photo of a panel with its outlines and its camera, and `fronto rectify` there."""
+
+    def __init__(self, folder: Path) -> None:
+        from PIL import Image
+
+        self.folder, self.out = folder, folder / "out"
+        self.panel = panel()
+        outlines = [button.outline for button in self.panel.buttons]
+        write_outlines(folder / "hall.outlines.json", outlines, width_px=640, height_px=480)
+        nameless = [replace(outline, text="") for outline in outlines[:7]]
+        write_outlines(folder / "nameless.json", nameless, width_px=640, height_px=480)
+        Image.new("RGB", (640, 480)).save(folder / "hall.png")
+        matrix = self.panel.pose.camera.matrix.tolist()
+        camera = {"matrix": matrix, "width": 640, "height": 480}
+        (folder / "camera.json").write_text(json.dumps(camera), encoding="utf-8")
+
+    def rectify(self, *arguments: str, outlines: str = "hall.outlines.json") -> Result:
+        fixed = [
+            "rectify",
+            str(self.folder / "hall.png"),
+            *("--outlines", str(self.folder / outlines)),
+            *("--camera", str(self.folder / "camera.json")),
+            *("-o", str(self.out)),
+        ]
+        return CliRunner().invoke(main, [*fixed, *arguments])
+
+    def values(self) -> dict[str, Any]:
+        values: dict[str, Any] = json.loads((self.out / "hall.json").read_bytes())
+        return values
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Room:
+    return Room(tmp_path)
+
+
+def test_rectify_states_positions(room: Room) -> None:
+    assert room.rectify("--no-labels").exit_code == 0
+    plain = room.values()
+    assert plain["buttons"][0]["position_m"] is None
+    # The direction to press in needs no length.
+    assert plain["buttons"][0]["press_normal"] == pytest.approx(room.panel.pose.normal, abs=0.01)
+    assert room.rectify("--no-labels", "--pitch", "50,42").exit_code == 0
+    stated = room.values()
+    assert stated["run"] != plain["run"]
+    places = np.array([button["position_m"] for button in stated["buttons"]])
+    expected = fronto_positions(room.panel)
+    np.testing.assert_allclose(places, expected, atol=0.005)
+    assert all(max(button["position_std_m"]) < 0.02 for button in stated["buttons"])
+
+
+def fronto_positions(result: Panel) -> np.ndarray:
+    from fronto.positions import locate
+
+    located = locate(result, pitch_m=(0.05, 0.042))
+    return np.array([position.center_m for position in located.positions])
+
+
+def test_rectify_reads_depth_again_when_it_changes(room: Room) -> None:
+    depth = room.folder / "depth.npy"
+    runs = []
+    for metres in (0.5, 0.6):
+        np.save(depth, np.full((480, 640), metres, np.float32))
+        result = room.rectify("--no-labels", "--depth", str(depth), "--resume")
+        assert result.exit_code == 0
+        assert "done before" not in result.stdout
+        runs.append(room.values()["run"])
+    assert runs[0] != runs[1]
+    again = room.rectify("--no-labels", "--depth", str(depth), "--resume")
+    assert "done before" in again.stdout
+
+
+def test_rectify_writes_a_template_for_the_next_photo(room: Room) -> None:
+    file = room.folder / "car.yaml"
+    result = room.rectify("--no-labels", "--pitch", "50,42", "--write-template", str(file))
+    assert result.exit_code == 0, result.output
+    layout = read_template(file)
+    assert {button.label for button in layout.buttons} == {
+        button.label for button in room.panel.buttons
+    }
+    used = room.rectify("--no-labels", "--template", str(file))
+    assert used.exit_code == 0
+    values = room.values()
+    places = np.array([button["position_m"] for button in values["buttons"]])
+    np.testing.assert_allclose(places, fronto_positions(room.panel), atol=0.005)
+    # Without texts, and nothing read, there is nothing to find its buttons by.
+    lost = room.rectify("--no-labels", "--template", str(file), outlines="nameless.json")
+    assert lost.exit_code == 0
+    assert any("template" in note for note in room.values()["notes"])
+    assert room.values()["buttons"][0]["position_m"] is None
+
+
+def test_rectify_refuses_what_it_cannot_use(room: Room) -> None:
+    for arguments in (
+        ["--write-template", str(room.folder / "car.yaml")],
+        ["--pitch", "50", "--distance", "0.5"],
+        ["--depth", str(room.folder / "missing.npy")],
+        ["--pitch", "-3"],
+    ):
+        refused = room.rectify("--no-labels", *arguments)
+        assert refused.exit_code == 2
+        assert not room.out.exists()

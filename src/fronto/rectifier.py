@@ -25,11 +25,13 @@ from fronto.results import Panel, Plate
 from fronto.segmentation import segment as segment_stage
 from fronto.segments import Segments
 from fronto.shapes import Outline
+from fronto.templateplace import with_template
 
 if TYPE_CHECKING:
     from PIL import Image
 
     from fronto.engine import Engine
+    from fronto.pose import Template
 
     Picture = str | Path | Image.Image | npt.NDArray[Any]
 
@@ -68,6 +70,8 @@ class Rectifier:
     camera
         Of all photos, at any of their sizes with the same aspect; None: each photo's own
         (EXIF, else estimated along where the panel shows it).
+    template
+        The layout of all photos' panel, found on them by its labels; needs `read_labels`.
     segment
         Another way from the photo, (h, w, 3) uint8 RGB, to segments.
     outline
@@ -92,6 +96,7 @@ class Rectifier:
         *,
         engine: Engine | None = None,
         camera: Camera | None = None,
+        template: Template | None = None,
         segment: Callable[[Photo], Segments] | None = None,
         outline: Callable[[Segments, Photo], Outlines] | None = None,
         solve: Callable[[Photo, Outlines, Camera], Panel] | None = None,
@@ -100,6 +105,7 @@ class Rectifier:
         self.options = options or RectifierOptions()
         self.engine = engine
         self.camera = camera
+        self.template = template
         self._segment = segment or self._segmented
         self._outline = outline or self._outlined
         self._solve = solve or self._solved
@@ -180,6 +186,14 @@ class Rectifier:
         named = time.perf_counter()
         if self.options.read_labels:
             panel = self._read(photo, panel)
+        if self.template is not None and panel.buttons:
+            panel = with_template(
+                panel,
+                self.template,
+                lambda named: self._solve(
+                    photo, replace(outlines, buttons=tuple(named), from_image=()), camera
+                ),
+            )
         end = time.perf_counter()
         timing |= {
             "second_look": 1e3 * (named - looked),
@@ -226,6 +240,8 @@ class Rectifier:
             find_lines=o.lines,
             square=o.square,
             aligned=o.aligned,
+            # Found buttons have texts once the layout's are known to be theirs.
+            template=self.template if any(b.text for b in outlines.buttons) else None,
             tolerance=o.tolerance,
             correlation=o.correlation,
             crop=o.crop,

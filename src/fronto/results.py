@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Button", "LabelSource", "Panel", "PanelPose", "Plate", "RectifiedView", "Status"]
 
 Status = Literal["ok", "uncertain", "degenerate", "no_buttons"]
-LabelSource = Literal["button", "plate", "inferred"]
+LabelSource = Literal["button", "plate", "template", "inferred"]
 SCHEMA = "fronto.panel/1"
 
 
@@ -214,8 +214,9 @@ class Button:
         Probability that the label is right, 0 to 1; without a label, of the best guess. None
         where nothing read it (a label came with the outlines then).
     label_source
-        What says so: the "button" itself, the "plate" beside it, or only the labels of its
-        neighbours ("inferred"). None without a label, and where nothing read it.
+        What says so: the "button" itself, the "plate" beside it, the "template" that was given,
+        or only the labels of its neighbours ("inferred"). None without a label, and where
+        nothing read it.
     label_guesses
         Labels it may have, likeliest first, with their probabilities; what they leave to 1 is
         for others and for none. Empty where nothing read it.

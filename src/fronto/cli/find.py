@@ -15,7 +15,7 @@ import click
 
 from fronto.cli.cameras import CameraSource, camera_options, camera_source
 from fronto.cli.inputs import STDIN, expanded, is_video, read_stdin, result_names
-from fronto.cli.positions import LengthSource, length_source, position_options
+from fronto.cli.positions import LengthSource, length_source, position_options, template_option
 from fronto.cli.shared import (
     BAD_INPUT,
     FILE,
@@ -79,17 +79,20 @@ class _Search:
     options: RectifierOptions
     source: CameraSource
     length: LengthSource
+    template_file: Path | None = None
 
     def __call__(self) -> Callable[[Path], _Outcome]:
         """What searches a photo, with networks of its own."""
         from fronto.engine import Engine, find_weights
         from fronto.labels.name import packaged_reader
         from fronto.rectifier import Rectifier
+        from fronto.templatefile import read_template
 
+        template = None if self.template_file is None else read_template(self.template_file)
         engine = Engine(self.weights, threads=self.threads)
         if packaged_reader(engine.threads) is None:
             find_weights(stem="fronto-read")  # says that they are missing
-        rectifier = Rectifier(self.options, engine=engine)
+        rectifier = Rectifier(self.options, engine=engine, template=template)
         return lambda photo: self._searched(photo, rectifier)
 
     def _searched(self, photo: Path, rectifier: Rectifier) -> _Outcome:
@@ -113,8 +116,7 @@ class _Search:
         camera = self.source.camera(photo, width, height)
         with about_photo(photo):
             panel = replace(rectifier.rectify(image, camera), image=name)
-            if self.length:
-                panel = self.length.fill(panel, photo)
+            panel = self.length.fill(panel, photo)
         finding = find_label(panel, self.label, inferred=self.inferred)
         values = finding_to_dict(panel, finding)
         return _Outcome(_line(values, finding), finding.status, values)
@@ -145,6 +147,7 @@ class _Search:
 )
 @network_options
 @camera_options
+@template_option
 @position_options
 @click.option(
     "--jobs",
@@ -169,6 +172,7 @@ def command(
     camera_file: Path | None,
     hfov: float | None,
     focal_px: float | None,
+    template_file: Path | None,
     jobs: int | None,
     quiet: bool,
     **given: Any,
@@ -196,7 +200,8 @@ def command(
             min_confidence=min_confidence, second_look=not fast, rectified_look=not fast
         ),
         source=camera_source(camera_file, hfov, focal_px),
-        length=length_source(given),
+        length=length_source(given, template_file),
+        template_file=template_file,
     )
     _check_files(search)
     with TemporaryDirectory(prefix="fronto-") as spool:
@@ -218,6 +223,10 @@ def command(
 def _check_files(search: _Search) -> None:
     """Say once, before any work, what is wrong with files that all photos share."""
     search.length.check()
+    if search.template_file is not None:
+        from fronto.templatefile import read_template
+
+        read_template(search.template_file)
     if search.source.file is not None:
         from fronto.camera.files import check_camera_file
 

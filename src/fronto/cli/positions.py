@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fronto.pose import Template
     from fronto.results import Panel
 
-__all__ = ["LengthSource", "length_source", "position_options"]
+__all__ = ["LengthSource", "length_source", "position_options", "template_option"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -115,6 +115,17 @@ def position_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+#: ``--template``, which states lengths, and names the buttons.
+template_option = click.option(
+    "--template",
+    "template_file",
+    type=FILE,
+    metavar="FILE",
+    help="The panel's layout in millimetres, where it is known; buttons that are found get its "
+    "labels.",
+)
 
 
 @dataclass(frozen=True)

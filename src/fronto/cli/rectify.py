@@ -12,6 +12,7 @@ import click
 
 from fronto.cli.cameras import camera_options, camera_source
 from fronto.cli.inputs import STDIN, expanded, is_video, read_stdin, result_names
+from fronto.cli.positions import length_source, position_options, template_option
 from fronto.cli.rectifying import Job, Settings
 from fronto.cli.shared import (
     BAD_INPUT,
@@ -63,12 +64,14 @@ MANY = 8
     help="Options of the stages (TOML); what is given here as well counts more.",
 )
 @camera_options
+@template_option
+@position_options
 @click.option(
-    "--template",
-    "template_file",
+    "--write-template",
+    "template_out",
     type=FILE,
     metavar="FILE",
-    help="The panel's layout in millimetres, where it is known.",
+    help="Write the panel's layout here, for --template with its next photo; needs a length.",
 )
 @click.option(
     "--solver", type=click.Choice(["refine", "grid"]), default="refine", show_default=True
@@ -157,6 +160,7 @@ def command(
     hfov: float | None,
     focal_px: float | None,
     template_file: Path | None,
+    template_out: Path | None,
     include_unsure: bool,
     show_steps: bool,
     before_after: bool,
@@ -188,6 +192,9 @@ def command(
         raise click.UsageError("give a PHOTO, a folder, a video, or --device")
     source = camera_source(camera_file, hfov, focal_px)
     solving = _solving(given, template_file)
+    length = length_source(given, template_file)
+    if template_out is not None and not (length or template_file):
+        raise click.UsageError("--write-template needs a length, such as --pitch")
     settings = Settings(
         output=output,
         weights=weights,
@@ -196,6 +203,8 @@ def command(
         source=source,
         solving=tuple(solving.items()),
         template_file=template_file,
+        length=length,
+        template_out=template_out,
         include_unsure=include_unsure,
         steps=show_steps,
         before_after=before_after,
@@ -212,9 +221,13 @@ def command(
             videos.append(VideoJob(device, f"camera{device}"))
         if videos and (outlines is not None or solving["solver"] != "refine" or template_file):
             raise click.UsageError("videos know no --outlines, --solver grid and --template")
+        if template_out is not None and (videos or len(files) > 1):
+            raise click.UsageError("--write-template takes one photo")
+        if videos and length:
+            raise click.UsageError("videos know no lengths such as --pitch and --distance")
         if videos and (show_steps or before_after):
             raise click.UsageError("videos know no --show-steps and --before-after")
-        others = [camera_file, template_file, weights, options_file]
+        others = [camera_file, template_file, weights, options_file, length.depth]
         work = _jobs([path for path in files if not is_video(path)], outlines, settings, others)
         if jobs is None:
             jobs = _processes(len(work))
@@ -261,6 +274,7 @@ def _options(
 
 def _check_files(settings: Settings, outlines: Path | None) -> None:
     """Say once, before any work, what is wrong with files that all photos share."""
+    settings.length.check()
     if settings.source.file is not None:
         from fronto.camera.files import check_camera_file
 

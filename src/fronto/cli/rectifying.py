@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from fronto.cli.cameras import CameraSource
+from fronto.cli.positions import LengthSource
 from fronto.cli.shared import about_photo
 from fronto.cli.verdicts import all_unsure, outline_notes, verdict
 from fronto.errors import InputError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from fronto.camera import Camera
     from fronto.engine import Engine
     from fronto.outlines import Outlines
+    from fronto.pose import Template
     from fronto.rectifieroptions import RectifierOptions
     from fronto.results import Panel
     from fronto.segments import Segments
@@ -78,6 +80,10 @@ class Settings:
         Further arguments of `rectify_outlines`: the solver, and the grid's.
     template_file
         The panel's layout, where it is known.
+    length
+        What is known in metres.
+    template_out
+        Where the layout of the panel is written, if anywhere.
     include_unsure
         Use outlines marked unsure as well.
     steps, before_after
@@ -93,6 +99,8 @@ class Settings:
     source: CameraSource
     solving: tuple[tuple[str, Any], ...] = ()
     template_file: Path | None = None
+    length: LengthSource = field(default_factory=LengthSource)
+    template_out: Path | None = None
     include_unsure: bool = False
     steps: bool = False
     before_after: bool = False
@@ -113,22 +121,26 @@ class Settings:
         ]
         return (*output_names(stem), *more)
 
-    def run(self, outlines: Path | None) -> str:
+    def run(self, outlines: Path | None, depth: Path | None = None) -> str:
         """A digest of what a result depends on beside the photo: other settings, another digest.
 
         Parameters
         ----------
         outlines
             The photo's; None where the network finds them.
+        depth
+            The photo's depth image, where there is one.
         """
         from fronto._version import __version__
         from fronto.engine import find_weights
         from fronto.labels.name import packaged_reader
 
         files = [outlines or self.weights or find_weights(), self.template_file, self.source.file]
+        files.append(depth)
         reader = packaged_reader(self.threads) if self.options.read_labels else None
         files.append(None if reader is None else reader.engine.path)
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
+        stated.append(self.length.fields)
         digest = hashlib.sha256(repr(stated).encode())
         for path in files:
             digest.update(b"" if path is None else hashlib.sha256(path.read_bytes()).digest())
@@ -152,6 +164,7 @@ class _Work:
         self._engine: Engine | None = None
         self.rectifier = Rectifier(
             settings.options,
+            template=self.template,
             segment=self._segment,
             outline=self._outline,
             solve=self._solve_found,
@@ -161,7 +174,8 @@ class _Work:
     def __call__(self, job: Job) -> Outcome:
         name = click.format_filename(job.photo.name)
         try:
-            done = self._done(job) if self.settings.resume else None
+            resume = self.settings.resume and self.settings.template_out is None
+            done = self._done(job) if resume else None
             return done or self._do(job, name)
         except InputError as error:
             return failed(name, str(error))
@@ -186,10 +200,16 @@ class _Work:
                 panel = self.rectifier.rectify(image, camera)
             else:
                 panel = self._given(image, camera, job.outlines, name)
+            panel = self.settings.length.fill(panel, job.photo)
         panel = replace(panel, image=name)
         more = self._pictures(image, panel)
         run = self._run(job)
         files = write_panel(panel, image, self.settings.output, job.stem, run=run, pictures=more)
+        if self.settings.template_out is not None:
+            from fronto.templatewriter import write_template
+
+            known = self.settings.length.known(job.photo)
+            write_template(panel, self.settings.template_out, known)
         rectified = None if files.rectified is None else files.rectified.name
         values = panel_to_dict(panel, rectified, run)
         return Outcome(verdict(panel, files), panel.status, _encoded(values))
@@ -216,8 +236,9 @@ class _Work:
         return pictures
 
     def _run(self, job: Job) -> str:
-        if job.outlines is not None:
-            return self.settings.run(job.outlines)
+        depth = self.settings.length.depth_file(job.photo)
+        if job.outlines is not None or depth is not None:
+            return self.settings.run(job.outlines, depth)
         self._network_run = self._network_run or self.settings.run(None)
         return self._network_run
 
@@ -268,16 +289,23 @@ class _Work:
         """Buttons of an outlines file."""
         from fronto.outlinefile import read_outlines
         from fronto.results import Plate
+        from fronto.templateplace import with_template
 
         height, width = image.shape[:2]
         unsure = self.settings.include_unsure
         found = read_outlines(outlines, width, height, include_unsure=unsure)
         lines = found.lines if self.solving["solver"] == "refine" else ()
-        panel = self._solved(image, found.outlines, lines, camera)
+        panel = self._solved(image, found.outlines, lines, camera, self._layout(found.outlines))
         plates = tuple(Plate(plate, label=plate.text) for plate in found.plates)
         panel = replace(panel, plates=plates)
         if self.settings.options.read_labels:
             panel = self._name(image, panel)
+        if self.template is not None and panel.buttons and self._layout(found.outlines) is None:
+            panel = with_template(
+                panel,
+                self.template,
+                lambda named: self._solved(image, named, lines, camera, self.template),
+            )
         if found.skipped and not found.outlines:
             panel = all_unsure(panel, len(found.skipped))
         unused = len(found.lines) - len(lines)
@@ -297,7 +325,15 @@ class _Work:
         more: dict[str, Any] = {}
         if self.solving["solver"] == "refine":
             more = {"find_lines": o.lines, "correlation": o.correlation}
-        return self._solved(photo, outlines.buttons, outlines.lines, camera, **more)
+        named = any(outline.text for outline in outlines.buttons)
+        template = self.template if named else None
+        return self._solved(photo, outlines.buttons, outlines.lines, camera, template, **more)
+
+    def _layout(self, outlines: Sequence[Outline]) -> Template | None:
+        """The layout, where given outlines tell by themselves which of its buttons they are."""
+        if self.template is None or any(outline.text for outline in outlines):
+            return self.template
+        return None if all(button.label for button in self.template.buttons) else self.template
 
     def _solved(
         self,
@@ -305,6 +341,7 @@ class _Work:
         outlines: Sequence[Outline],
         lines: Sequence[LineSegment],
         camera: Camera,
+        template: Template | None = None,
         **more: Any,
     ) -> Panel:
         from fronto.pipeline import rectify_outlines
@@ -319,7 +356,7 @@ class _Work:
             outlines,
             camera,
             lines=lines,
-            template=self.template,
+            template=template,
             crop=o.crop,
             scale=o.scale,
             margin=o.margin,
