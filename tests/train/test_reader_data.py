@@ -14,6 +14,7 @@ from PIL import Image
 
 from fronto.datasets.records import LabeledImage, LabeledObject
 from fronto.labels.alphabet import KINDS
+from fronto.labels.targets import ReadTarget
 from fronto.train.reader.data import (
     PhotoCrops,
     RenderedCrops,
@@ -22,7 +23,6 @@ from fronto.train.reader.data import (
     labelled_crops,
 )
 from fronto.train.reader.jitter import Sample
-from fronto.train.reader.targets import ReadTarget
 
 
 def photo(path: Path, names: list[str]) -> LabeledImage:

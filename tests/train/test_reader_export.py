@@ -17,11 +17,11 @@ from fronto.engine import ReaderEngine
 from fronto.errors import InputError
 from fronto.labels.alphabet import ALPHABET, KINDS, STEPS
 from fronto.labels.reader import LabelReader
+from fronto.labels.targets import ReadTarget, encoded
 from fronto.train.reader.calibrate import fit_temperatures, halves
 from fronto.train.reader.data import collated
 from fronto.train.reader.export import export_reader
 from fronto.train.reader.network import ReaderNetwork, ReaderOptions, Readings
-from fronto.train.reader.targets import ReadTarget, encoded
 from fronto.train.reader.validate import (
     HeldOut,
     Temperatures,

@@ -15,6 +15,7 @@ pytest.importorskip("tqdm")
 
 from fronto.errors import InputError
 from fronto.labels.alphabet import ALPHABET, KINDS, STEPS
+from fronto.labels.targets import ReadTarget
 from fronto.train.reader.data import collated
 from fronto.train.reader.fit import (
     ReaderFit,
@@ -26,7 +27,6 @@ from fronto.train.reader.fit import (
 )
 from fronto.train.reader.jitter import Sample
 from fronto.train.reader.network import ReaderNetwork, ReaderOptions
-from fronto.train.reader.targets import ReadTarget
 
 SMALL = ReaderOptions(stem=4, stages=(4, 6, 8), kinds=4)
 OPTIONS = ReaderFit(steps=3, batch=4, warmup=1, workers=0, save_every=2)

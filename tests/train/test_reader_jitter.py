@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("torch")
 
 from fronto.labels.alphabet import CROP_PX, CROP_SCALE
+from fronto.labels.targets import ReadTarget
 from fronto.train.reader.jitter import Sample, crop_of, jittered, surrounded
-from fronto.train.reader.targets import ReadTarget
 
 
 def ramps(width: int, height: int) -> np.ndarray:

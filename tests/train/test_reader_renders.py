@@ -12,11 +12,11 @@ pytest.importorskip("torch")
 
 from fronto.errors import InputError
 from fronto.labels.alphabet import ALPHABET, KINDS
+from fronto.labels.targets import ReadTarget, readable
 from fronto.synth.photo.glyphs import FONTS
 from fronto.train.reader.fonts import Typefaces, installed_fonts
 from fronto.train.reader.inks import marking_mask
 from fronto.train.reader.renders import render_crop, render_panel_crops
-from fronto.train.reader.targets import ReadTarget, readable
 from fronto.train.reader.texts import Marking, random_marking
 
 BUILT_IN = Typefaces()

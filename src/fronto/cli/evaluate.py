@@ -1,4 +1,4 @@
-"""``fronto evaluate``: how well the buttons of labelled photos are found."""
+"""``fronto evaluate``: how well the buttons of labelled photos are found, and named."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from fronto.cli.data import is_panels, labeled_images
-from fronto.cli.shared import FILE, FiniteRange, say, say_block
+from fronto.cli.shared import FILE, FiniteRange, network_options, say, say_block
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,25 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command(name="evaluate", short_help="Compare what is found with labelled photos.")
+class _Evaluate(click.Group):
+    """``fronto evaluate DATA`` is ``fronto evaluate buttons DATA``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, *ctx.help_option_names):
+            args = ["buttons", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(name="evaluate", cls=_Evaluate, short_help="Compare with labelled photos.")
+def command() -> None:
+    """Compare what is found in labelled photos with their labels; prints Markdown tables.
+
+    DATA is COCO, LabelMe, CVAT for images or YOLO, this project's annotations, or the
+    panels set. `fronto evaluate DATA` is `fronto evaluate buttons DATA`.
+    """
+
+
+@command.command(name="buttons", short_help="Which buttons are found.")
 @click.argument("data", type=FILE)
 @click.option(
     "--split", metavar="NAME", help="Of DATA.  [default: valid where there is one, else all]"
@@ -66,7 +84,7 @@ __all__ = ["command"]
 )
 @click.option("--sheet", type=FILE, metavar="FILE.png", help="Draw the worst photos there.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
-def command(
+def buttons(
     data: Path,
     split: str | None,
     weights: Path | None,
@@ -110,6 +128,71 @@ def command(
             return
         write_png(sheet, photo_sheet(shown))
         say(f"the worst photos -> {sheet}")
+
+
+@command.command(name="labels", short_help="What they are called.")
+@click.argument("data", type=FILE)
+@click.option(
+    "--split", metavar="NAME", help="Of DATA.  [default: valid where there is one, else all]"
+)
+@network_options
+@click.option(
+    "--iou",
+    type=FiniteRange(0, 1, min_open=True),
+    default=0.5,
+    show_default=True,
+    help="How much a button that is found has to overlap the labelled one.",
+)
+@click.option(
+    "--illegible",
+    "illegible_file",
+    type=FILE,
+    metavar="FILE",
+    help="Buttons whose labels cannot be read by themselves (YAML, as of --missing).",
+)
+@click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all figures there.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
+def labels(
+    data: Path,
+    split: str | None,
+    weights: Path | None,
+    threads: int | None,
+    min_confidence: float,
+    fast: bool,
+    iou: float,
+    illegible_file: Path | None,
+    json_file: Path | None,
+    quiet: bool,
+) -> None:
+    """Find and read the buttons of labelled photos: right, wrong and declined labels by class.
+
+    Of the buttons that are found. The camera is the photo's own (EXIF), or estimated along.
+    """
+    from fronto.engine import Engine, find_weights
+    from fronto.evaluate import read_missing
+    from fronto.evaluate.labels import evaluate_labels
+    from fronto.files import write_bytes
+    from fronto.labels.name import packaged_reader
+    from fronto.rectifier import Rectifier
+    from fronto.rectifieroptions import RectifierOptions
+
+    images = labeled_images(data, split, "valid")
+    illegible = None if illegible_file is None else read_missing(illegible_file)
+    engine = Engine(weights, threads=threads)
+    if packaged_reader(engine.threads) is None:
+        find_weights(stem="fronto-read")  # says that they are missing
+    options = RectifierOptions(
+        min_confidence=min_confidence, second_look=not fast, rectified_look=not fast
+    )
+    rectifier = Rectifier(options, engine=engine)
+    with click.progressbar(images, label="photos", file=sys.stderr, hidden=quiet) as bar:
+        report = evaluate_labels(
+            bar, lambda image: rectifier(image.path), iou=iou, illegible=illegible
+        )
+    say_block(report.to_markdown())
+    if json_file is not None:
+        write_bytes(json_file, report.to_json())
+        say(f"all figures -> {json_file}")
 
 
 def _missing(file: Path | None, data: Path) -> Missing | None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from fronto.evaluate.scores import FOUND_LABELS, TRUE_LABELS, Score
 
 if TYPE_CHECKING:
+    from fronto.evaluate.labels import LabelReport, LabelScore
     from fronto.evaluate.report import SegmentationReport
 
-__all__ = ["markdown_table", "report_tables"]
+__all__ = ["label_tables", "markdown_table", "report_tables"]
 
 
 def markdown_table(rows: Sequence[Mapping[str, str]]) -> str:
@@ -61,6 +62,52 @@ def report_tables(report: SegmentationReport) -> str:
             markdown_table(_confusion(report)),
         ]
     )
+
+
+def label_tables(report: LabelReport) -> str:
+    """What buttons are called, as Markdown: all, by class, by size, by source."""
+    all_of = {"all": report.all}
+    if any(not told.legible for told in report.told):
+        all_of["legible by themselves"] = report.legible
+    sizes = {
+        f"{low:g} or more"
+        if isinf(high)
+        else f"{low:g} to {high:g}"
+        if low
+        else f"below {high:g}": s
+        for low, high, s in report.sizes
+        if s.labels
+    }
+    figures = {
+        "photos": str(len(report.photos)),
+        "found without a label that could be read": str(len(report.silent)),
+        "of these called something": _number(report.invented),
+        "time per photo, median": f"{_number(report.time_ms, 1)} ms",
+    }
+    tables = [
+        markdown_table(_labels("labels", all_of)),
+        markdown_table([{"": name, "value": value} for name, value in figures.items()]),
+        markdown_table(_labels("label", report.classes)),
+        markdown_table(_labels("shorter side, px", sizes)),
+        markdown_table(_labels("said by", report.sources, missed=False)),
+    ]
+    return "\n\n".join(filter(None, tables))
+
+
+def _labels(
+    title: str, scores: Mapping[str, LabelScore], *, missed: bool = True
+) -> list[dict[str, str]]:
+    return [
+        {
+            title: name,
+            **({"labelled": str(score.labels)} if missed else {}),
+            "found": str(score.found),
+            "right": _number(score.share("right")),
+            "wrong": _number(score.share("wrong")),
+            "declined": _number(score.share("declined")),
+        }
+        for name, score in scores.items()
+    ]
 
 
 def _number(value: float, digits: int = 3) -> str:

@@ -16,8 +16,8 @@ from torch.utils.data import DataLoader, IterableDataset
 
 from fronto.datasets.records import LabeledImage, LabeledObject
 from fronto.labels.alphabet import KINDS
+from fronto.labels.targets import ReadTarget, encoded, read_target
 from fronto.train.reader.jitter import Bytes, Sample, jittered, surrounded
-from fronto.train.reader.targets import ReadTarget, encoded, read_target
 
 __all__ = [
     "CropBatch",

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from fronto.datasets.records import Box
 from fronto.labels.alphabet import CROP_PX, CROP_SCALE
+from fronto.labels.targets import ReadTarget
 from fronto.shapes import FloatArray
 from fronto.synth.photo.draws import chance, log_uniform, smooth_noise, whole
-from fronto.train.reader.targets import ReadTarget
 
 __all__ = ["Bytes", "Sample", "crop_of", "jittered", "surrounded"]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from fronto.categories import PLATE
 from fronto.datasets.records import Box, polygon_box
+from fronto.labels.targets import ReadTarget, read_target
 from fronto.shapes import FloatArray
 from fronto.synth.photo.buttons import Wardrobe, draw_element
 from fronto.synth.photo.canvas import Canvas
@@ -22,7 +23,6 @@ from fronto.synth.photo.surfaces import panel_material, panel_surface
 from fronto.train.reader.fonts import Typefaces
 from fronto.train.reader.inks import Bytes, braille, lay_ink, marking_mask
 from fronto.train.reader.jitter import Sample, surrounded
-from fronto.train.reader.targets import ReadTarget, read_target
 from fronto.train.reader.texts import Marking, random_marking
 
 __all__ = ["render_crop", "render_panel_crops"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fronto.labels.alphabet import normal_text
+from fronto.labels.targets import ReadTarget
 from fronto.synth.photo import glyphs
 from fronto.synth.photo.draws import chance, pick, whole
-from fronto.train.reader.targets import ReadTarget
 
 __all__ = ["Marking", "random_marking"]
 

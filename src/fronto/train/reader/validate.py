@@ -12,11 +12,11 @@ import torch
 
 from fronto.datasets.records import LabeledImage
 from fronto.labels.alphabet import ALPHABET, KINDS
+from fronto.labels.targets import ReadTarget
 from fronto.train.reader.data import CropBatch, collated, labelled_crops
 from fronto.train.reader.fit import network_input
 from fronto.train.reader.jitter import crop_of
 from fronto.train.reader.network import ReaderNetwork, Readings
-from fronto.train.reader.targets import ReadTarget
 
 if TYPE_CHECKING:
     from fronto.engine import LabelScores, ReaderEngine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fronto.labels.alphabet import ALPHABET
-from fronto.train.reader.targets import ReadTarget, encoded, read_target, readable
+from fronto.labels.targets import ReadTarget, encoded, read_target, readable
 
 
 @pytest.mark.parametrize(
