@@ -10,7 +10,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from fronto import InputError
-from fronto.engine import Engine, ReaderEngine, find_weights
+from fronto.engine import Engine, LabelScores, ReaderEngine, find_weights
 from fronto.labels.alphabet import ALPHABET, KINDS
 from fronto.labels.reader import LabelReader, Reading, default_reader
 
@@ -109,7 +109,7 @@ def write(tmp_path):
 
 @pytest.fixture
 def read(write):
-    reader = LabelReader(ReaderEngine(write(), threads=1))
+    reader = LabelReader(ReaderEngine(write(), threads=1), views=[1.0])
     return lambda *crops: reader.read(np.array(crops))
 
 
@@ -200,7 +200,7 @@ class TestReadings:
         assert LabelReader(ReaderEngine(write())).read(np.zeros((0, 48, 48, 3), np.uint8)) == ()
 
     def test_threads_share_one(self, write):
-        reader = LabelReader(ReaderEngine(write(), threads=1))
+        reader = LabelReader(ReaderEngine(write(), threads=1), views=[1.0])
         batches = [np.array([showing({"text": 1.0}, *sure(str(n)))]) for n in range(24)]
         with ThreadPoolExecutor(4) as pool:
             found = [r.text for (r,) in pool.map(reader.read, batches)]
@@ -219,7 +219,7 @@ class TestReadings:
         ids=["no batch", "floats", "32 rows", "1 channel", "list", "none of them"],
     )
     def test_wrong_crops_are_named(self, write, crops):
-        reader = LabelReader(ReaderEngine(write()))
+        reader = LabelReader(ReaderEngine(write()), views=[1.0])
         assert refusal(lambda: reader.read(crops)).startswith("crops: ")
 
     @pytest.mark.parametrize("wrong", [{"kind": "floor"}, {"confidence": 1.5}, {"confidence": -1}])
@@ -247,7 +247,7 @@ class TestEngine:
     def test_the_order_of_its_kinds_is_the_files(self, write):
         kinds = KINDS[::-1]
         path = write(metadata=METADATA | {"kinds": ",".join(kinds)})
-        (reading,) = LabelReader(ReaderEngine(path)).read(showing({"up": 1.0})[None])
+        (reading,) = LabelReader(ReaderEngine(path), views=[1.0]).read(showing({"up": 1.0})[None])
         assert reading.kind == kinds[KINDS.index("up")]
 
     @pytest.mark.parametrize(
@@ -304,10 +304,45 @@ class TestEngine:
         assert digits in refusal(lambda: ReaderEngine(bad))
 
 
+class TestViews:
+    def test_views_are_averaged(self):
+        class Brightness:
+            """Takes the bright share of a crop for how sure it shows "up"."""
+
+            alphabet, kinds = ALPHABET, KINDS
+
+            def run(self, crops):
+                kind = np.zeros((len(crops), len(KINDS)), np.float32)
+                up, blank = KINDS.index("up"), KINDS.index("blank")
+                kind[:, up] = crops.mean(axis=(1, 2, 3)) / 255
+                kind[:, blank] = 1 - kind[:, up]
+                text = np.zeros((len(crops), 24, 1 + len(ALPHABET)), np.float32)
+                text[..., 0] = 1
+                return LabelScores(text, kind)
+
+        crop = np.zeros((1, 48, 48, 3), np.uint8)
+        crop[:, 8:40, 8:40] = 255
+
+        def up(*views):
+            (reading,) = LabelReader(Brightness(), views=views).read(crop)
+            return dict(reading.alternatives)["up"]
+
+        assert up(1.2) == pytest.approx(1.2**2 * up(1.0), rel=0.03)
+        assert up(1.2, 0.8) == pytest.approx((up(1.2) + up(0.8)) / 2)
+
+    def test_views_alike_change_nothing(self, write):
+        engine = ReaderEngine(write(), threads=1)
+        crop = showing({"up": 1.0})
+        (once,) = LabelReader(engine, views=[1.0]).read(crop[None])
+        (twice,) = LabelReader(engine, views=[1.0, 1.0]).read(crop[None])
+        assert once == twice
+
+
 class TestInThePackage:
     @pytest.fixture(autouse=True)
     def package(self, tmp_path, monkeypatch):
         monkeypatch.setattr("fronto.engine.onnxfile.files", lambda _: tmp_path)
+        monkeypatch.setattr("fronto.labels.reader.VIEWS", (1.0,))
         default_reader.cache_clear()
         yield
         default_reader.cache_clear()

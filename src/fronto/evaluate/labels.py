@@ -256,10 +256,10 @@ class LabelReport:
 
 def true_label(thing: LabeledObject) -> str:
     """What a labelled button is to be called, in normal form; "" where nothing says so."""
-    if thing.text:
-        return normal_label(thing.text)
     if thing.category in FUNCTIONS:
         return thing.category
+    if thing.text:
+        return normal_label(thing.text)
     target = read_target(thing.name)
     return "" if target is None else target.text
 
