@@ -27,6 +27,8 @@ SCRIPTS = (
     "robustness",
     "reading",
     "pose",
+    "positions",
+    "labels",
     "annotated",
     "segmentation",
     "outlines",

@@ -307,7 +307,8 @@ def test_weights_of_the_reader_may_be_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "weights").mkdir()
-    monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
+    for place in ("importlib.resources.files", "fronto.engine.onnxfile.files"):
+        monkeypatch.setattr(place, lambda package: tmp_path)
     packaged_reader.cache_clear()
     try:
         assert packaged_reader() is None

@@ -242,6 +242,7 @@ def _button(button: Button) -> dict[str, Any]:
         "position_m": button.position_m,
         "position_std_m": button.position_std_m,
         "press_normal": button.press_normal,
+        "lit": button.lit,
     }
 
 

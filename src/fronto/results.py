@@ -226,6 +226,9 @@ class Button:
         Shape (3,): standard deviations of `position_m`, metres.
     press_normal
         Shape (3,): unit vector into the wall, camera frame: the direction to press in.
+    lit
+        How probable it is that the button is lit, 0 to 1, by comparison with the others of
+        the panel (`fronto.labels.lit`); None where it was not looked at.
     """
 
     id: int
@@ -242,6 +245,7 @@ class Button:
     position_m: FloatArray | None = None
     position_std_m: FloatArray | None = None
     press_normal: FloatArray | None = None
+    lit: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("position_m", "position_std_m", "press_normal"):

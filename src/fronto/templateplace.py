@@ -174,6 +174,7 @@ def _partners(centers: FloatArray, places: FloatArray, reach: float) -> tuple[in
 
 def _labelled(new: Button, old: Button, text: str, confidence: float) -> Button:
     """The old button's label in the new one, where the layout has no other to say."""
+    new = replace(new, lit=old.lit)
     same = label_key(normal_label(text)) == label_key(normal_label(old.label))
     if text and not same:
         label = normal_label(text)

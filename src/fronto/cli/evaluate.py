@@ -148,7 +148,8 @@ def buttons(
     "illegible_file",
     type=FILE,
     metavar="FILE",
-    help="Buttons whose labels cannot be read by themselves (YAML, as of --missing).",
+    help="Buttons whose labels cannot be read by themselves (YAML, as of --missing).  "
+    "[default: the packaged list for the panels set]",
 )
 @click.option("--json", "json_file", type=FILE, metavar="FILE", help="Write all figures there.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
@@ -169,7 +170,7 @@ def labels(
     Of the buttons that are found. The camera is the photo's own (EXIF), or estimated along.
     """
     from fronto.engine import Engine, find_weights
-    from fronto.evaluate import read_missing
+    from fronto.evaluate import panels_illegible, read_missing
     from fronto.evaluate.labels import evaluate_labels
     from fronto.files import write_bytes
     from fronto.labels.name import packaged_reader
@@ -177,7 +178,9 @@ def labels(
     from fronto.rectifieroptions import RectifierOptions
 
     images = labeled_images(data, split, "valid")
-    illegible = None if illegible_file is None else read_missing(illegible_file)
+    illegible = panels_illegible() if is_panels(data) else None
+    if illegible_file is not None:
+        illegible = read_missing(illegible_file)
     engine = Engine(weights, threads=threads)
     if packaged_reader(engine.threads) is None:
         find_weights(stem="fronto-read")  # says that they are missing

@@ -2,7 +2,13 @@
 
 from fronto.evaluate.contact import finding_sheets, photo_sheet
 from fronto.evaluate.matching import Detection, Finding, judge_image, match_greedy, photo_id
-from fronto.evaluate.missing import Missing, panels_missing, read_missing, write_missing
+from fronto.evaluate.missing import (
+    Missing,
+    panels_illegible,
+    panels_missing,
+    read_missing,
+    write_missing,
+)
 from fronto.evaluate.rectification import (
     aspect_errors,
     axis_angles_deg,
@@ -30,6 +36,7 @@ __all__ = [
     "finding_sheets",
     "judge_image",
     "match_greedy",
+    "panels_illegible",
     "panels_missing",
     "photo_id",
     "photo_sheet",

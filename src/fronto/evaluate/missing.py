@@ -22,7 +22,7 @@ from fronto.datasets.records import LabeledObject
 from fronto.errors import InputError
 from fronto.files import convert_fields, read_bytes, write_bytes
 
-__all__ = ["Missing", "panels_missing", "read_missing", "write_missing"]
+__all__ = ["Missing", "panels_illegible", "panels_missing", "read_missing", "write_missing"]
 
 #: By the photo's id.
 Missing = dict[str, tuple[LabeledObject, ...]]
@@ -33,7 +33,15 @@ REMEDY = "correct it there"
 
 def panels_missing() -> Missing:
     """The buttons that the labels of the panels' validation photos miss."""
-    name = "panels_missing.yaml"
+    return _packaged("panels_missing.yaml")
+
+
+def panels_illegible() -> Missing:
+    """Buttons of the panels' validation photos whose labels cannot be read by themselves."""
+    return _packaged("panels_illegible.yaml")
+
+
+def _packaged(name: str) -> Missing:
     return _parse((files("fronto.evaluate") / name).read_bytes(), f"missing labels file {name}")
 
 

@@ -14,6 +14,7 @@ from fronto.labels.belief import Belief, best, combined, ranked
 from fronto.labels.crops import crops
 from fronto.labels.evidence import Evidence, Said, gather
 from fronto.labels.layout import grid_of, panel_boxes, straightened
+from fronto.labels.lit import lit_scores
 from fronto.labels.order import in_order
 from fronto.labels.series import is_floor, label_key, normal_label
 from fronto.results import Button, LabelSource, Panel, Plate
@@ -25,7 +26,7 @@ __all__ = ["Reader", "name_buttons", "packaged_reader"]
 
 #: A label less probable than this is none: the button is declined. What readings alone make so
 #: probable is not overruled by the neighbours, only declined.
-NAMED = 0.8
+NAMED = 0.5
 #: A label that readings alone make less probable than this is its neighbours' word.
 READ = 0.5
 #: What part of a button shows may be part of its label: "1" of "12".
@@ -87,7 +88,7 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
 
     Returns
     -------
-    The result with `label`, `label_confidence`, `label_source` and `label_guesses` of its
+    The result with `label`, `label_confidence`, `label_source`, `label_guesses` and `lit` of its
     buttons, with its `plates` named, and notes on floors that several buttons claim and on
     plates among the buttons.
 
@@ -100,7 +101,8 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
     if not things:
         return panel
     outlines = [thing.outline for thing in things]
-    readings = reader.read(crops(photo, outlines, panel.pose))
+    cut = crops(photo, outlines, panel.pose)
+    readings = reader.read(cut)
     said = [_said(thing, reading) for thing, reading in zip(things, readings, strict=True)]
     boxes = panel_boxes(outlines, panel.pose)
     if panel.pose.status not in ("ok", "uncertain"):
@@ -109,8 +111,12 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
     evidence = gather(said[:count], said[count:], boxes)
     seen = [combined(*both) for both in zip(evidence.own, evidence.plate, strict=True)]
     final = in_order(seen, grid_of(boxes[:count]))
+    lit = lit_scores(cut[:count])
     buttons = tuple(
-        _named(button, final[k], seen[k], evidence.own[k], evidence.plate[k])
+        replace(
+            _named(button, final[k], seen[k], evidence.own[k], evidence.plate[k]),
+            lit=None if lit is None else float(lit[k]),
+        )
         for k, button in enumerate(panel.buttons)
     )
     ids = {pair.plate: panel.buttons[pair.button].id for pair in evidence.pairs}

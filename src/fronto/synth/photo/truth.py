@@ -36,6 +36,8 @@ class PhotoObject:
         Shape (n, 2): its exact contour with rounded corners, pixels, clockwise.
     visible
         Share of the contour's area that lies in the photo and is not covered.
+    lit
+        Whether it is lit.
     """
 
     category: str
@@ -43,6 +45,7 @@ class PhotoObject:
     outline: Outline
     polygon_px: FloatArray
     visible: float
+    lit: bool = False
 
 
 def found(elements: list[Element], view: View, cover: Pixels | None) -> tuple[PhotoObject, ...]:
@@ -76,7 +79,9 @@ def found(elements: list[Element], view: View, cover: Pixels | None) -> tuple[Ph
         )
         shape = replace(shape, truncated=not inside)
         polygon.setflags(write=False)
-        objects.append(PhotoObject(element.category, element.text, shape, polygon, visible))
+        objects.append(
+            PhotoObject(element.category, element.text, shape, polygon, visible, element.lit)
+        )
     return tuple(objects)
 
 
