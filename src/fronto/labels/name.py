@@ -24,9 +24,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Reader", "name_buttons", "packaged_reader"]
 
-#: A label less probable than this is none: the button is declined. What readings alone make so
-#: probable is not overruled by the neighbours, only declined.
-NAMED = 0.5
+#: A label less probable than this, or less than so many times as probable as the next, is none:
+#: the button is declined. Of legible labels of photos (docs/labels.md) that leaves some 2 % wrong;
+#: `label_confidence` is there for those who need to be surer.
+NAMED, CLEARLY = 0.5, 1.5
+#: What readings alone make so probable is not overruled by the neighbours, only declined; and where
+#: a button and its plate say different things, so much is asked for.
+CERTAIN = 0.8
 #: A label that readings alone make less probable than this is its neighbours' word.
 READ = 0.5
 #: What part of a button shows may be part of its label: "1" of "12".
@@ -153,7 +157,11 @@ def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Beli
     guesses = tuple((guess, min(1.0, p)) for guess, p in ranked(final)[:GUESSES] if p >= LEAST)
     named = replace(button, label_confidence=probability, label_guesses=guesses)
     read, sure = best(seen)
-    if not label or probability < NAMED or (read != label and sure >= NAMED):
+    next_best = max((p for other, p in final.items() if other != label), default=0.0)
+    likely = [said for said, p in (best(own), best(plate)) if said and p >= READ]
+    disagree = len({label_key(said) for said in likely}) > 1
+    unclear = probability < max(CERTAIN if disagree else NAMED, CLEARLY * next_best)
+    if not label or unclear or (read != label and sure >= CERTAIN):
         return replace(named, label="", label_source=None)
     source: LabelSource = "button" if own.get(label, 0.0) >= plate.get(label, 0.0) else "plate"
     if read != label or sure < READ:
