@@ -17,7 +17,7 @@ import numpy as np
 from fronto import Camera, estimate_pose
 from fronto.evaluate import axis_angles_deg
 from fronto.outlinefile import read_outlines
-from report import markdown_table, write_between
+from report import SKIPPED, markdown_table, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -34,7 +34,7 @@ def main() -> None:
     folder = arguments.data / "labels"
     if not folder.is_dir():
         print(f"{folder.parent.name}: no annotated photos here, nothing measured")
-        return
+        raise SystemExit(SKIPPED)
     rows = []
     for path in sorted(folder.glob("*.json")):
         label = json.loads(path.read_text(encoding="utf-8"))

@@ -27,7 +27,7 @@ from fronto.grouping import overlaps
 from fronto.images import as_rgb
 from fronto.outlinefile import read_outlines
 from fronto.synth.photo import render_photo
-from report import Target, describe_machine, markdown_table, rounded, write_between
+from report import SKIPPED, Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
@@ -355,7 +355,7 @@ def main() -> None:
     print("\n\n".join(f"{name}\n{text}" for name, text in texts.items()))
     if arguments.quick or photos is None:
         print("nothing written")
-        return
+        raise SystemExit(0 if arguments.quick else SKIPPED)
     write(texts, {"machine": describe_machine(), "drawn": drawn, "speed": figures})
 
 

@@ -26,7 +26,7 @@ from fronto import Panel, Rectifier, RectifierOptions
 from fronto.evaluate import axis_angles_deg, rotation_error_deg
 from fronto.segmentation import default_engine
 from fronto.synth.photo import render_photo
-from report import Target, describe_machine, markdown_table, rounded, write_between
+from report import SKIPPED, Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
@@ -213,7 +213,7 @@ def main() -> None:
     print(text)
     if arguments.quick or photos is None:
         print("nothing written")
-        return
+        raise SystemExit(0 if arguments.quick else SKIPPED)
     write_between(ROOT / "docs" / "rectify.md", "rectify", text)
     record = {"machine": describe_machine(), "speed": figures}
     for kind, outcomes in (("renders", rendered), ("annotated", photos)):

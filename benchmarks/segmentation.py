@@ -28,7 +28,7 @@ from fronto.files import json_bytes
 from fronto.segmentation import segment
 from fronto.segments import Segments
 from network import MEGABYTE, measured, renders
-from report import Target, describe_machine, markdown_table, rounded, write_between
+from report import SKIPPED, Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
@@ -221,7 +221,7 @@ def main() -> None:
         print(f"\n## {name}\n\n{text}", flush=True)
     if panels is None or annotated is None or most is not None:
         print("\nNot all was measured: nothing written.")
-        return
+        raise SystemExit(SKIPPED if most is None else 0)
     reports = {"panels": panels, "annotated": annotated, "renders": rendered}
     record = {
         "machine": machine,

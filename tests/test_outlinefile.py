@@ -130,6 +130,9 @@ def test_a_result_is_read_back(path: Path) -> None:
     first, second = read_outlines(write(path, values)).outlines
     assert (first.text, first.std_px, first.confidence) == ("UP", 0.3, 0.75)
     assert (second.shape, second.text) == ("ellipse", "")
+    # What only follows from the neighbours is no print that another run should start from.
+    button["label_source"] = "inferred"
+    assert read_outlines(write(path, values)).outlines[0].text == ""
 
 
 def test_what_is_not_seen_and_the_shape_s_confidence(path: Path) -> None:

@@ -47,6 +47,7 @@ class OutlineRecord(msgspec.Struct):
     corner_std_px: _Length | None = None
     text: str | None = None
     label: str | None = None
+    label_source: str | None = None
     category: str = "other"
     confidence: _Share | None = None
     shape_confidence: _Share = 1.0
@@ -152,7 +153,7 @@ def outline_of(record: OutlineRecord, thing: str) -> Outline:
             std_px=record.std_px or record.corner_std_px or DEFAULT_STD_PX,
             category=record.category,
             confidence=1.0 if record.confidence is None else record.confidence,
-            text=record.text or record.label or "",
+            text=record.text or ("" if record.label_source == "inferred" else record.label or ""),
             odd=record.odd,
             truncated=record.truncated,
             seen=record.seen,
