@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from time import perf_counter
@@ -15,7 +14,7 @@ import numpy as np
 from fronto import Panel, Rectifier
 from fronto.datasets.annotated import read_annotated
 from fronto.datasets.panels import read_panels
-from fronto.datasets.records import LabeledImage
+from fronto.datasets.records import Box, LabeledImage
 from fronto.engine import Engine, ReaderEngine
 from fronto.evaluate import panels_illegible, photo_id
 from fronto.evaluate.labels import PhotoLabels, judge_labels, true_label
@@ -70,24 +69,31 @@ def named(name: str, k: int, pool: tuple[str, ...]) -> dict[str, Any]:
     return {
         "labels": PhotoLabels(image.path, told, missed, taken),
         "absent": [find_label(panel, label).status for label in asked(image, pool, k)],
-        "present": [present(panel, image, o) for o in labelled_once(image)],
+        "present": [present(panel, *one) for one in labelled_once(image).items()],
     }
 
 
-def labelled_once(image: LabeledImage) -> list[str]:
-    """Labels that exactly one button has."""
-    keys = [label_key(true_label(o)) for o in image.objects if o.category != "plate"]
-    return [key for key in dict.fromkeys(keys) if key and keys.count(key) == 1]
+def labelled_once(image: LabeledImage) -> dict[str, Box]:
+    """Labels that exactly one button has, and its box."""
+    things = [o for o in image.objects if o.category != "plate"]
+    keys = [label_key(true_label(o)) for o in things]
+    return {
+        key: o.box
+        for key, o in zip(keys, things, strict=True)
+        if key and keys.count(key) == 1 and not o.ignore
+    }
 
 
-def present(panel: Panel, image: LabeledImage, label: str) -> str:
-    """What comes of looking for a label that is there: "right", "wrong", or the status."""
+def present(panel: Panel, label: str, box: Box) -> str:
+    """What comes of looking for a label that is there: "right", "wrong", or the status.
+
+    Right is a place to press on that button, however well its outline is met.
+    """
     finding = find_label(panel, label)
     if finding.status != "found":
         return finding.status
-    only = replace(panel, buttons=(finding.button,))
-    told, _ = judge_labels(image, only)
-    return "right" if told and label_key(told[0].truth) == label else "wrong"
+    x, y = finding.button.outline.center_px
+    return "right" if box[0] < x < box[2] and box[1] < y < box[3] else "wrong"
 
 
 def alone(name: str, k: int) -> list[dict[str, Any]]:

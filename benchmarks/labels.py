@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parent.parent
 #: at its own threshold, or fewer.
 TRUSTED = 0.5
 #: Rendered photos in which lit buttons are told.
-RENDERS, QUICK_RENDERS = 400, 20
+RENDERS, QUICK_RENDERS = 250, 20
 
 
 def outcome(label: str, text: str, score: float) -> str:
