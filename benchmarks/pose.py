@@ -1,7 +1,7 @@
 """Rotation error, rectification error, honesty and speed of the pose solvers, side by side.
 
     make bench            the whole table (about eight minutes)
-    python benchmarks/pose.py --quick      a tenth of it
+    python benchmarks/pose.py --quick      a twentieth of it
 
 Scenes: `fronto.synth` (the paper's camera, each angle uniform in ±40°, 0.3-0.8 m, Gaussian
 corner noise, one outlier button in a tenth of the scenes). Both solvers see the same
@@ -264,11 +264,11 @@ def figure(results: list[tuple[Cell, dict[str, dict[str, np.ndarray]]]], path: P
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--quick", action="store_true", help="a tenth of the scenes; writes nothing"
+        "--quick", action="store_true", help="a twentieth of the scenes; writes nothing"
     )
     parser.add_argument("--only", default="", help="run only cells whose name contains this")
     arguments = parser.parse_args()
-    share = 0.1 if arguments.quick else 1.0
+    share = 0.05 if arguments.quick else 1.0
 
     results, table = [], []
     for index, cell in enumerate(CELLS):

@@ -1,7 +1,7 @@
 """Where buttons are in metres: how right, and whether the stated deviations hold.
 
     make bench            all of it (three minutes)
-    python benchmarks/positions.py --quick      a tenth of it; writes nothing
+    python benchmarks/positions.py --quick      a twentieth of it; writes nothing
 
 Simulated views from 0.5 m with the paper's camera, each angle uniform in ±40°, corner noise of
 0.3 px, one outlier button in a tenth of the scenes (not counted: nobody knows where it is); and
@@ -261,10 +261,10 @@ def targets(main: Errors, renders: Errors) -> list[Target]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a tenth; writes nothing")
+    parser.add_argument("--quick", action="store_true", help="a twentieth; writes nothing")
     parser.add_argument("--only", default="", help="run only cells whose name contains this")
     arguments = parser.parse_args()
-    share = 0.1 if arguments.quick else 1.0
+    share = 0.05 if arguments.quick else 1.0
     results: dict[str, Errors] = {}
     for index, cell in enumerate(CELLS):
         if arguments.only in cell.name:
@@ -272,7 +272,7 @@ def main() -> None:
             print(results[cell.name].row(cell.name), flush=True)
     if arguments.only in RENDERS:
         ways = {RENDERS: pitch, "renders, button size": size}
-        results |= rendered(10 if arguments.quick else 60, ways, 2028)
+        results |= rendered(4 if arguments.quick else 60, ways, 2028)
     table = markdown_table([errors.row(name) for name, errors in results.items()])
     print("\n" + table)
     if arguments.only:

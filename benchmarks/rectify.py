@@ -30,7 +30,7 @@ from report import SKIPPED, Target, describe_machine, markdown_table, rounded, w
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
-RENDERS, QUICK, BATCH = 150, 30, 120
+RENDERS, QUICK, BATCH = 150, 8, 120
 #: None that anything was tuned on.
 FIRST_SEED = 90_000
 WAYS = {

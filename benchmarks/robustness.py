@@ -31,7 +31,7 @@ TILT_DEG, DISTANCE_M, SIDE_M = 25.0, 0.3, 0.03
 #: Rivals are named as in the issue: (a) to (d).
 RIVALS = ("paper", "paper, as printed", "grid-EM style", "vanishing points", "panel quadrilateral")
 FEW = ("fronto", "fronto, buttons alone", "paper", "layout known (bound)")
-PHOTOS, FEWER, QUICK = 10, 4, 2
+PHOTOS, FEWER, QUICK = 10, 4, 1
 
 
 @dataclass(frozen=True)

@@ -281,6 +281,7 @@ def test_rectify_refuses_what_it_cannot_use(room: Room) -> None:
     for arguments in (
         ["--write-template", str(room.folder / "car.yaml")],
         ["--pitch", "50", "--distance", "0.5"],
+        ["--template", "car.yaml", "--write-template", "car.yaml"],
         ["--depth", str(room.folder / "missing.npy")],
         ["--pitch", "-3"],
     ):

@@ -195,6 +195,8 @@ def command(
     length = length_source(given, template_file)
     if template_out is not None and not (length or template_file):
         raise click.UsageError("--write-template needs a length, such as --pitch")
+    if template_out is not None and template_out == template_file:
+        raise click.UsageError("--write-template would overwrite the --template that is read")
     settings = Settings(
         output=output,
         weights=weights,
