@@ -12,7 +12,7 @@ from onnx import TensorProto, helper
 from fronto import InputError
 from fronto.engine import Engine, LabelScores, ReaderEngine, find_weights
 from fronto.labels.alphabet import ALPHABET, KINDS
-from fronto.labels.reader import LabelReader, Reading, default_reader
+from fronto.labels.reader import LabelReader, Reading
 
 FORMAT = "fronto.labels/1"
 METADATA = {"format": FORMAT, "alphabet": ALPHABET, "kinds": ",".join(KINDS), "version": "0.7"}
@@ -343,25 +343,22 @@ class TestInThePackage:
     def package(self, tmp_path, monkeypatch):
         monkeypatch.setattr("fronto.engine.onnxfile.files", lambda _: tmp_path)
         monkeypatch.setattr("fronto.labels.reader.VIEWS", (1.0,))
-        default_reader.cache_clear()
-        yield
-        default_reader.cache_clear()
 
-    def test_default_reader_is_kept(self, write):
+    def test_without_an_engine_it_is_the_packaged_one(self, write):
         content = network()
         digits = hashlib.sha256(content).hexdigest()[:8]
         write(content, f"weights/fronto-read-{digits}.onnx")
         write(b"another network", "weights/fronto-seg-01234567.onnx")
-        reader = default_reader()
+        reader = LabelReader()
         assert reader.read(TWELVE[None])[0].text == "12"
-        assert default_reader() is reader
+        assert reader.engine.path.name.startswith("fronto-read-")
 
     def test_without_weights_it_says_so_each_time(self, write):
         write(b"another network", "weights/fronto-seg-01234567.onnx")
         for _ in range(2):
-            assert "fronto-read-" in refusal(default_reader)
+            assert "fronto-read-" in refusal(LabelReader)
         write(None, "weights/fronto-read-mine.onnx")
-        assert default_reader().engine.kinds == KINDS
+        assert LabelReader().engine.kinds == KINDS
 
     def test_each_network_is_found_beside_the_other(self, write, tmp_path):
         names = {"fronto-seg": "fronto-seg-1.onnx", "fronto-read": "fronto-read-2.onnx"}

@@ -79,6 +79,9 @@ def test_a_wrong_reading_is_outvoted(seed):
         {},
         {4: ("5", 0.9)},
         {4: ("5", 0.9), 0: ("1", 0.3)},
+        # Any two can be laid over the layout, wherever they are.
+        {4: ("5", 0.9), 0: ("1", 0.9)},
+        {4: ("8", 0.9), 0: ("2", 0.9)},
         {k: (f"B{k}", 0.9) for k in range(12)},
         # As many for one place as against it.
         {0: ("1", 0.9), 1: ("2", 0.9), 4: ("7", 0.9), 8: ("4", 0.9)},
@@ -88,6 +91,15 @@ def test_too_few_readings_place_nothing(readings):
     panel, _ = read_panel(1, readings)
     with pytest.raises(InputError, match="template"):
         place_template(panel, template())
+
+
+def test_a_layout_of_other_sizes_is_another_panel_s():
+    panel, _ = read_panel(1, {k: (label, 0.9) for k, label in enumerate(LABELS)})
+    buttons = template().buttons
+    place_template(panel, Template(tuple(replace(b, width_mm=32) for b in buttons)))
+    place_template(panel, Template(tuple(replace(b, width_mm=None) for b in buttons)))
+    with pytest.raises(InputError, match="template"):
+        place_template(panel, Template(tuple(replace(b, width_mm=20) for b in buttons)))
 
 
 def test_a_layout_needs_labels_of_its_own():

@@ -21,8 +21,12 @@ __all__ = ["Placement", "place_template", "with_template"]
 NEAR = 0.35
 #: A reading counts as a vote from this probability on.
 VOTE = 0.5
-#: So many votes at least, and so many more than against, place a layout.
-VOTES = 2
+#: So many votes at least (of a panel of two buttons both), and so many more than against, place a
+#: layout: any two readings can be laid over it somehow.
+VOTES, MORE = 3, 2
+#: Sizes of placed buttons whose logarithm misses the layout's by more than this are another
+#: panel's.
+MISSIZED = 0.25
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ def place_template(panel: Panel, template: Template) -> Placement:
     best: Placement | None = None
     for one, other in combinations(votes, 2):
         fit = _laid(centers, layout, one, other)
-        if fit is None:
+        if fit is None or _missized(panel, template, fit[0], (one, other)):
             continue
         partner = _partners(centers, layout * fit[0] + fit[1], NEAR * width)
         seen = [(read[k], keys[p]) for k, p in enumerate(partner) if p is not None and read[k]]
@@ -82,8 +86,8 @@ def place_template(panel: Panel, template: Template) -> Placement:
         found = Placement(partner, agree, len(seen) - agree)
         if best is None or agree - found.contradict > best.agree - best.contradict:
             best = found
-    if best is None or best.agree - best.contradict < VOTES:
-        few = 0 if best is None else best.agree
+    few = 0 if best is None else best.agree
+    if best is None or few < min(VOTES, len(keys)) or few - best.contradict < MORE:
         raise _unplaced(f"{few} of its labels were read where it has them, too few")
     return best
 
@@ -161,6 +165,19 @@ def _laid(
     middle = 0.5 * (centers[one[0]] + centers[other[0]])
     offset = middle - scale * 0.5 * (layout[one[1]] + layout[other[1]])
     return scale, offset
+
+
+def _missized(
+    panel: Panel, template: Template, scale: float, pairs: Sequence[tuple[int, int]]
+) -> bool:
+    """Whether buttons, with the layout's that they would be, have another size than it states."""
+    for k, p in pairs:
+        stated = template.buttons[p].width_mm
+        corners = panel.pose.plane_corners[k]
+        width = float(np.linalg.norm(corners[1] - corners[0]))
+        if stated is not None and abs(np.log(width / (scale * stated))) > MISSIZED:
+            return True
+    return False
 
 
 def _partners(centers: FloatArray, places: FloatArray, reach: float) -> tuple[int | None, ...]:

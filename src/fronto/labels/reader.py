@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ from fronto.errors import InputError
 from fronto.labels.alphabet import CROP_PX, KINDS
 from fronto.labels.decode import decode
 
-__all__ = ["LabelReader", "Reading", "default_reader"]
+__all__ = ["LabelReader", "Reading"]
 
 #: What a crop can show instead of a label.
 NO_LABEL = ("other", "blank", "unreadable")
@@ -136,18 +135,6 @@ class LabelReader:
         rows = [k for k, kind in enumerate(kinds) if kind["text"] >= LEAST]
         texts = dict(zip(rows, decode(scores.text[rows], self.engine.alphabet), strict=True))
         return [_labels(kind, texts.get(k, ())) for k, kind in enumerate(kinds)]
-
-
-@cache
-def default_reader() -> LabelReader:
-    """The reader with the packaged weights and all cores; made on first use, then kept.
-
-    Raises
-    ------
-    InputError
-        If the package has no such weights.
-    """
-    return LabelReader()
 
 
 def _zoomed(crops: npt.NDArray[np.uint8], factor: float) -> npt.NDArray[np.uint8]:

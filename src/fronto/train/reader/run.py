@@ -57,7 +57,7 @@ def train_reader(
     from fronto.files import json_bytes, write_bytes
     from fronto.train.reader.data import CropSource, PhotoCrops, RenderedCrops
     from fronto.train.reader.fit import fit_reader
-    from fronto.train.reader.fonts import installed_fonts
+    from fronto.train.reader.fonts import Typefaces, installed_fonts
     from fronto.train.reader.validate import reading_validation
 
     options = options or ReaderTrainOptions()
@@ -78,7 +78,7 @@ def train_reader(
     values = {
         "fronto": __version__,
         "photos": len(photos),
-        "fonts": sorted(file.name for folder in fonts for file in folder.glob("*.[to]tf")),
+        "fonts": sorted(file.name for file in Typefaces(fonts).files) if options.renders else [],
         **asdict(options),
     }
     write_bytes(run / "options.json", json_bytes(values))
