@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FONTS", "SYMBOLS", "Bits", "resized", "symbol", "words"]
+__all__ = ["FONTS", "SIZE", "SYMBOLS", "Bits", "Pen", "resized", "symbol", "words"]
 
 #: Coverage, 0 to 255, shape (h, w).
 Bits = npt.NDArray[np.uint8]
@@ -44,8 +44,14 @@ SYMBOLS = {
 }
 
 
-class _Pen:
-    """Draws in the unit square, three times as fine as the result."""
+class Pen:
+    """Draws signs, three times as fine as they are wanted.
+
+    Parameters
+    ----------
+    thick
+        Of lines for which nothing else is said, in half sides of the square.
+    """
 
     def __init__(self, thick: float = 0.12) -> None:
         self.image = np.zeros((SIZE * FINE, SIZE * FINE), np.uint8)
@@ -56,17 +62,20 @@ class _Pen:
         return np.rint((unit * SIZE * FINE - 0.5) * 16).astype(np.int32)
 
     def fill(self, points: list[Point], value: int = 255) -> None:
+        """Fill a polygon."""
         import cv2
 
         cv2.fillPoly(self.image, [self._at(points)], (value,), cv2.LINE_AA, 4)
 
     def line(self, points: list[Point], closed: bool = False, thick: float = 0.0) -> None:
+        """Draw a line through points; 0: as thick as lines are."""
         import cv2
 
         width = max(1, round((thick or self.thick) * SIZE * FINE / 2))
         cv2.polylines(self.image, [self._at(points)], closed, (255,), width, cv2.LINE_AA, 4)
 
     def disc(self, u: float, v: float, radius: float, value: int = 255) -> None:
+        """Fill a circle."""
         import cv2
 
         x, y = (int(n) for n in self._at([(u, v)])[0])
@@ -74,11 +83,12 @@ class _Pen:
         cv2.circle(self.image, (x, y), size, (value,), -1, cv2.LINE_AA, 4)
 
     def arc(self, u: float, v: float, radius: float, first: float, last: float) -> None:
+        """Draw a part of a circle, between two angles in degrees, clockwise from the right."""
         t = np.radians(np.linspace(first, last, 24))
         self.line([(u + radius * float(np.cos(a)), v + radius * float(np.sin(a))) for a in t])
 
 
-def _up(pen: _Pen, variant: int) -> None:
+def _up(pen: Pen, variant: int) -> None:
     triangle: list[Point] = [(0, -0.62), (0.72, 0.55), (-0.72, 0.55)]
     if variant == 0:
         pen.fill(triangle)
@@ -96,7 +106,7 @@ def _up(pen: _Pen, variant: int) -> None:
         pen.fill([(0, -0.45), (0.8, 0.4), (-0.8, 0.4)])
 
 
-def _door(pen: _Pen, variant: int, inward: bool) -> None:
+def _door(pen: Pen, variant: int, inward: bool) -> None:
     far, near, tall = 0.85, 0.22, 0.45
     for side in (-1, 1):
         tip, base = (near, far) if inward else (far, near)
@@ -114,7 +124,7 @@ def _door(pen: _Pen, variant: int, inward: bool) -> None:
         pen.line([(0.08, -0.55), (0.08, 0.55)], thick=0.07)
 
 
-def _bell(pen: _Pen, variant: int) -> None:
+def _bell(pen: Pen, variant: int) -> None:
     t = np.linspace(np.pi, 2 * np.pi, 24)
     dome = [(float(0.42 * np.cos(a)), float(-0.15 + 0.42 * np.sin(a))) for a in t]
     body: list[Point] = [*dome, (0.45, 0.2), (0.68, 0.42), (-0.68, 0.42), (-0.45, 0.2)]
@@ -126,7 +136,7 @@ def _bell(pen: _Pen, variant: int) -> None:
     pen.disc(0, -0.62, 0.1)
 
 
-def _phone(pen: _Pen, variant: int) -> None:
+def _phone(pen: Pen, variant: int) -> None:
     if variant:
         pen.arc(0, 0.2, 0.6, 200, 340)
         pen.disc(-0.6, 0.1, 0.2)
@@ -137,7 +147,7 @@ def _phone(pen: _Pen, variant: int) -> None:
         pen.disc(0.42, 0.5, 0.2)
 
 
-def _fan(pen: _Pen, variant: int) -> None:
+def _fan(pen: Pen, variant: int) -> None:
     for k in range(3 + variant):
         angle = 2 * np.pi * k / (3 + variant)
         c, s = float(np.cos(angle)), float(np.sin(angle))
@@ -146,7 +156,7 @@ def _fan(pen: _Pen, variant: int) -> None:
     pen.disc(0, 0, 0.13)
 
 
-def _star(pen: _Pen) -> None:
+def _star(pen: Pen) -> None:
     points: list[Point] = []
     for k in range(10):
         r, a = (0.85 if k % 2 == 0 else 0.35), np.pi * k / 5 - np.pi / 2
@@ -154,7 +164,7 @@ def _star(pen: _Pen) -> None:
     pen.fill(points)
 
 
-def _hanzi(pen: _Pen, variant: int) -> None:
+def _hanzi(pen: Pen, variant: int) -> None:
     """Strokes on a grid, which from afar look like a Chinese character."""
     rng = np.random.default_rng(variant)
     pen.thick = 0.1
@@ -175,7 +185,7 @@ def symbol(name: str, variant: int = 0) -> Bits:
     """Draw one of `SYMBOLS`, shape (96, 96)."""
     import cv2
 
-    pen = _Pen()
+    pen = Pen()
     if name in ("up", "down"):
         _up(pen, variant)
     elif name in ("open", "close"):

@@ -17,9 +17,12 @@ from torch.utils.data import DataLoader, IterableDataset
 from fronto.datasets.records import LabeledImage, LabeledObject
 from fronto.labels.alphabet import KINDS
 from fronto.labels.targets import ReadTarget, encoded, read_target
+from fronto.synth.photo.draws import pick
 from fronto.train.reader.jitter import Bytes, Sample, jittered, surrounded
+from fronto.train.reader.texts import Marking
 
 __all__ = [
+    "BesideCrops",
     "CropBatch",
     "CropSource",
     "PhotoCrops",
@@ -118,6 +121,29 @@ def _shares(targets: Sequence[ReadTarget]) -> list[float]:
     ]
 
 
+class BesideCrops:
+    """Labels of other sources beside rendered knobs.
+
+    Parameters
+    ----------
+    labels
+        Sources of labels, and the share of each.
+    knobs
+        Draws the knobs.
+    """
+
+    def __init__(self, labels: Sequence[tuple[CropSource, float]], knobs: RenderedCrops) -> None:
+        self.labels = tuple(labels)
+        self.knobs = knobs
+
+    def draw(self, rng: np.random.Generator) -> Sample:
+        """Draw a label and put it beside a knob."""
+        from fronto.train.reader.beside import beside
+
+        source = pick(rng, [s for s, _ in self.labels], [share for _, share in self.labels])
+        return beside(source.draw(rng), self.knobs.knob(rng), rng)
+
+
 class RenderedCrops:
     """Rendered crops, fresh ones all the time.
 
@@ -135,6 +161,7 @@ class RenderedCrops:
         self.faces = Typefaces(fonts)
         self.reuse = reuse
         self.kept: list[Sample] = []
+        self.blank: list[Sample] = []
 
     def draw(self, rng: np.random.Generator) -> Sample:
         """Render a crop, or take one of the latest."""
@@ -152,6 +179,19 @@ class RenderedCrops:
             else:
                 self.kept[int(rng.integers(KEPT))] = sample
         return fresh[-1]
+
+    def knob(self, rng: np.random.Generator) -> Sample:
+        """Render a button without a label, or take one of the latest."""
+        from fronto.train.reader.renders import render_crop
+
+        if len(self.blank) >= 64 and rng.random() >= 1 / self.reuse:
+            return self.blank[int(rng.integers(len(self.blank)))]
+        fresh = render_crop(rng, self.faces, Marking(ReadTarget("blank")))
+        if len(self.blank) < KEPT:
+            self.blank.append(fresh)
+        else:
+            self.blank[int(rng.integers(KEPT))] = fresh
+        return fresh
 
 
 def collated(crops: Sequence[Bytes], targets: Sequence[ReadTarget]) -> CropBatch:

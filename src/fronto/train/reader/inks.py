@@ -10,6 +10,7 @@ from fronto.synth.photo import glyphs
 from fronto.synth.photo.draws import Color, Pixels, chance, log_uniform, pick, smooth_noise, whole
 from fronto.synth.photo.glyphs import Bits
 from fronto.train.reader.fonts import Typefaces
+from fronto.train.reader.signs import SIGNED, random_sign
 from fronto.train.reader.texts import Marking
 
 __all__ = ["braille", "lay_ink", "marking_mask"]
@@ -18,6 +19,8 @@ Bytes = npt.NDArray[np.uint8]
 #: Signs in a ring or on a disc, as stop and alarm are on many panels.
 FRAMED = {"stop": 0.6, "alarm": 0.25, "other": 0.2, "open": 0.08, "close": 0.08, "up": 0.15,
           "down": 0.15, "text": 0.05}  # fmt: skip
+#: Share of the signs that are drawn anew.
+ANEW = 0.75
 
 
 def marking_mask(marking: Marking, faces: Typefaces, rng: np.random.Generator) -> Bits:
@@ -32,7 +35,9 @@ def marking_mask(marking: Marking, faces: Typefaces, rng: np.random.Generator) -
         mask = next(
             (m for f in fonts if (m := faces.sign(marking.characters, f)) is not None), None
         )
-    if mask is None:
+    if mask is None and marking.target.kind in SIGNED and chance(rng, ANEW):
+        mask = _cropped(random_sign(marking.target.kind, rng))
+    elif mask is None:
         mask = _cropped(glyphs.symbol(marking.symbol, marking.variant))
     mask = _weighted(mask, rng)
     if chance(rng, FRAMED.get(marking.target.kind, 0)) and mask.shape[1] < 2.2 * mask.shape[0]:

@@ -21,6 +21,8 @@ Bytes = npt.NDArray[np.uint8]
 #: Scale of the cut relative to the crops of a button that was found exactly (as logarithms),
 #: shift and corners in crop sizes, rotation in degrees: mostly small, at most.
 ZOOM, ASPECT, SHIFT, CORNERS, TURN, MAX_TURN = (-0.07, 0.18), 0.06, 0.05, 0.025, 3.0, 8.0
+#: Share of the crops whose outline was found badly, and how many times worse it is.
+MISSED, WORSE = 0.1, 2.2
 #: Share of the crops that stay as they are but for where they are cut: most photos are good.
 CLEAN = 0.35
 #: Share of the others that are seen from afar; their least pixels, how many more for each
@@ -104,12 +106,14 @@ def _corners(sample: Sample, rng: np.random.Generator) -> FloatArray:
     """What the crop's corners show of the sample's image, shape (4, 2)."""
     x0, y0, x1, y1 = sample.box
     size = np.array([x1 - x0, y1 - y0])
-    zoom = rng.uniform(*ZOOM) + rng.uniform(-ASPECT, ASPECT) * np.array([1, -1])
+    worse = WORSE if chance(rng, MISSED) else 1.0
+    zoom = worse * (rng.uniform(*ZOOM) + rng.uniform(-ASPECT, ASPECT) * np.array([1, -1]))
     half = CROP_SCALE / 2 * size * np.exp(zoom)
-    angle = np.radians(np.clip(rng.normal(0, TURN), -MAX_TURN, MAX_TURN))
+    angle = worse * np.radians(np.clip(rng.normal(0, TURN), -MAX_TURN, MAX_TURN))
     cos, sin = np.cos(angle), np.sin(angle)
     turned = SQUARE @ np.array([[cos, sin], [-sin, cos]])
     shift = rng.uniform(-SHIFT, SHIFT, 2) * size + rng.normal(0, CORNERS, (4, 2)) * size
+    shift *= worse
     return np.asarray(np.array([x0 + x1, y0 + y1]) / 2 + turned * half + shift)
 
 
@@ -181,11 +185,11 @@ def _toned(crop: Bytes, rng: np.random.Generator) -> Bytes:
     t = np.linspace(0, 1, 256)
     if chance(rng, 0.4):
         t = t ** log_uniform(rng, 0.55, 1.8)
-    contrast = log_uniform(rng, 0.55, 1.4)
+    contrast = log_uniform(rng, 0.45, 1.4)
     t = 0.5 + contrast * (t - 0.5)
     # No further than to a mean at which labels still show: neither night nor blinding light.
     mean = float(t[round(sum(cv2.mean(crop)[:3]) / 3)])
-    t = t + np.clip(rng.uniform(-0.22, 0.22), min(0, 0.13 - mean), max(0, 0.85 - mean))
+    t = t + np.clip(rng.uniform(-0.22, 0.22), min(0, 0.09 - mean), max(0, 0.85 - mean))
     if chance(rng, 0.07):
         t = 1 - t
     tint = 1 + rng.normal(0, 0.08, 3) if chance(rng, 0.5) else np.ones(3)

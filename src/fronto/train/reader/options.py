@@ -3,6 +3,7 @@
 Every field may be left out::
 
     renders = 0.4           # share of rendered crops among the training crops
+    beside = 0.1            # share of crops put beside a rendered knob
     threads = 2
 
     [fit]
@@ -38,6 +39,9 @@ class ReaderTrainOptions:
     ----------
     renders
         Share of rendered crops among the training crops, 0 to 1.
+    beside
+        Share of crops, of both, that are put beside a rendered knob as one button, 0 to 1; none
+        where `renders` is 0.
     reuse
         How often each render is used, with other cuts and disturbances, on average.
     threads
@@ -54,14 +58,16 @@ class ReaderTrainOptions:
     """
 
     renders: float = 0.4
+    beside: float = 0.1
     reuse: int = 5
     threads: int = 0
     fit: ReaderFit = field(default_factory=ReaderFit)
     network: ReaderOptions = field(default_factory=ReaderOptions)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.renders <= 1:
-            raise InputError("renders", f"expected a share from 0 to 1, got {self.renders:g}")
+        for name, share in (("renders", self.renders), ("beside", self.beside)):
+            if not 0 <= share <= 1:
+                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
         for name, value, least in (("reuse", self.reuse, 1), ("threads", self.threads, 0)):
             if value < least:
                 raise InputError(name, f"expected {least} or more, got {value}")

@@ -11,6 +11,7 @@ from fronto.categories import PLATE
 from fronto.datasets.records import Box, polygon_box
 from fronto.labels.targets import ReadTarget, read_target
 from fronto.shapes import FloatArray
+from fronto.synth.photo import glyphs
 from fronto.synth.photo.buttons import Wardrobe, draw_element
 from fronto.synth.photo.canvas import Canvas
 from fronto.synth.photo.draws import Color, chance, log_uniform, pick, tint, whole
@@ -23,6 +24,7 @@ from fronto.synth.photo.surfaces import panel_material, panel_surface
 from fronto.train.reader.fonts import Typefaces
 from fronto.train.reader.inks import Bytes, braille, lay_ink, marking_mask
 from fronto.train.reader.jitter import Sample, surrounded
+from fronto.train.reader.locks import draw_lock
 from fronto.train.reader.texts import Marking, random_marking
 
 __all__ = ["render_crop", "render_panel_crops"]
@@ -38,11 +40,19 @@ LEAST_HEIGHT = 0.3
 WHOLE = 0.97
 #: How far the panel's horizontal may point up or down in a photo: a turned arrow is another.
 MOST_TURNED = 0.35
+#: Share of the key switches that are drawn as close up as they are seen.
+LOCKS = 0.8
+#: What stands small above or below a label.
+NOTES = ("FLOOR", "LEVEL", "ND FLOOR", "LOBBY", "PARKING", "GROUND FLOOR", "EXIT", "LIFT", "DOOR",
+         "PUSH", "PULL", "CAR PARK", "MAIN", "ROOF", "POOL", "TO RESET", "PRESS", "FOR", "HOLD",
+         "ELEVATOR", "Restaurant", "Lobby", "Level 2", "Etage")  # fmt: skip
 #: Categories of rendered photos whose look is certain.
 CERTAIN = ("up", "down", "keyhole")
 
 
-def render_crop(rng: np.random.Generator, faces: Typefaces) -> Sample:
+def render_crop(
+    rng: np.random.Generator, faces: Typefaces, marking: Marking | None = None
+) -> Sample:
     """Draw a button or a plate with its label.
 
     Parameters
@@ -51,12 +61,14 @@ def render_crop(rng: np.random.Generator, faces: Typefaces) -> Sample:
         Draws everything.
     faces
         Typefaces of the label.
+    marking
+        What it says; None: anything.
 
     Returns
     -------
     A picture of 88 x 88 pixels; the box around the button or plate is about 64 wide or high.
     """
-    marking = random_marking(rng)
+    marking = marking or random_marking(rng)
     material = panel_material(rng)
     surface = panel_surface(rng, material, (PICTURE_PX, PICTURE_PX), 1.0)
     canvas = Canvas(surface, np.full((PICTURE_PX, PICTURE_PX), 255, np.uint8), 1.0, (0.0, 0.0))
@@ -64,7 +76,11 @@ def render_crop(rng: np.random.Generator, faces: Typefaces) -> Sample:
     element = _element(rng, marking)
     drawn = draw_element(canvas, element, wardrobe, rng)
     _neighbours(canvas, drawn, wardrobe, rng)
-    if element.style != KEY_STYLE:
+    if element.style == KEY_STYLE:
+        if chance(rng, LOCKS):
+            size = FACE_PX * pick(rng, (1.0, rng.uniform(0.55, 1.0)), (2, 1))
+            draw_lock(canvas.rgb, drawn.x, drawn.y, size, rng)
+    else:
         _mark(canvas.rgb, marking, drawn, wardrobe, faces, rng)
     if chance(rng, 0.25):
         _scratch(canvas.rgb, rng)
@@ -110,8 +126,10 @@ def _element(rng: np.random.Generator, marking: Marking) -> Element:
         radius = pick(rng, (0.0, 0.06, 0.15, 0.3, 0.5), (3, 3, 2, 1.5, 1)) * min(width, height)
         form = Form("box", width, height, radius)
     style = 0
-    if kind == "keyhole" and chance(rng, 0.7):
-        style, form = KEY_STYLE, Form("ellipse", FACE_PX, FACE_PX)
+    if kind == "keyhole" and chance(rng, 0.8):
+        style = KEY_STYLE
+        if form.kind == "ellipse" or chance(rng, 0.6):
+            form = Form("ellipse", FACE_PX, FACE_PX)
     elif kind in ("stop", "alarm") and chance(rng, 0.35):
         style = MUSHROOM_STYLE
     elif kind != "blank" and chance(rng, 0.25):
@@ -156,8 +174,12 @@ def _mark(
     if form.kind == "ellipse":
         room = room * (0.78 if len(marking.text) > 1 else 0.88)
     middle = np.array([element.x, element.y])
+    if chance(rng, 0.12):
+        _lamp(picture, element, rng)
     if chance(rng, 0.22):
         middle, room = _with_braille(picture, middle, room, rng)
+    elif chance(rng, 0.1):
+        middle, room = _with_note(picture, middle, room, rng)
     mask = marking_mask(marking, faces, rng)
     box = _fitted(mask, bool(marking.text), middle, room, rng)
     glow = None
@@ -182,6 +204,36 @@ def _with_braille(
     x, y = middle + aside * room
     braille(picture, (float(x), float(y)), pitch, color, rng)
     return middle, room * left
+
+
+def _with_note(
+    picture: Bytes, middle: FloatArray, room: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Small words in a part of the room; gives the middle and the size of what is left."""
+    side = pick(rng, (1, -1), (2, 1))
+    mask = glyphs.words(pick(rng, NOTES), whole(rng, 0, glyphs.FONTS - 1))
+    share = rng.uniform(0.14, 0.26)
+    size = np.array([mask.shape[1] / mask.shape[0], 1]) * share * room[1]
+    size[0] = min(size[0], 0.95 * room[0])
+    x, y = middle + np.array([0, side * 0.48]) * room - np.array([0, side * size[1] / 2])
+    box = _box(float(x), float(y), float(size[0]), float(size[1]))
+    lay_ink(picture, mask, box, _ink(picture, box, rng), rng)
+    return middle - np.array([0, side * share / 2]) * room, room * np.array([1, 1 - share])
+
+
+def _lamp(picture: Bytes, element: Element, rng: np.random.Generator) -> None:
+    """A lit or dark bar or dot at the rim."""
+    width, height = element.form.width, element.form.height
+    color: Color = tint(rng, pick(rng, (*LIGHTS, *LIGHTS, *DARKS)), 25)
+    x, y = element.x, element.y + pick(rng, (-0.42, 0.42), (2, 1)) * height
+    if chance(rng, 0.6):
+        reach, thick = rng.uniform(0.1, 0.45) * width, rng.uniform(0.02, 0.06) * height
+        ends = [(round((x + s * reach) * 16), round((y + s * thick) * 16)) for s in (-1, 1)]
+        cv2.rectangle(picture, ends[0], ends[1], color, -1, cv2.LINE_AA, 4)
+    else:
+        at = (round((x + rng.uniform(-0.35, 0.35) * width) * 16), round(y * 16))
+        radius = rng.uniform(0.03, 0.08) * min(width, height)
+        cv2.circle(picture, at, round(radius * 16), color, -1, cv2.LINE_AA, 4)
 
 
 def _fitted(

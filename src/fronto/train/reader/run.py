@@ -55,7 +55,7 @@ def train_reader(
     import torch
 
     from fronto.files import json_bytes, write_bytes
-    from fronto.train.reader.data import CropSource, PhotoCrops, RenderedCrops
+    from fronto.train.reader.data import BesideCrops, CropSource, PhotoCrops, RenderedCrops
     from fronto.train.reader.fit import fit_reader
     from fronto.train.reader.fonts import Typefaces, installed_fonts
     from fronto.train.reader.validate import reading_validation
@@ -65,14 +65,18 @@ def train_reader(
         torch.set_num_threads(options.threads)
     fonts = installed_fonts() if fonts is None else fonts
     sources: list[tuple[CropSource, float]] = []
+    rendered = RenderedCrops(fonts, options.reuse)
     if options.renders > 0:
-        sources.append((RenderedCrops(fonts, options.reuse), options.renders))
+        sources.append((rendered, options.renders))
     if options.renders < 1:
         if not photos:
             raise InputError(
                 "photos", "expected labelled photos, got none", "or train on renders = 1 only"
             )
         sources.append((PhotoCrops(photos), 1 - options.renders))
+    if options.beside > 0 and options.renders > 0:
+        rest = [(source, share * (1 - options.beside)) for source, share in sources]
+        sources = [*rest, (BesideCrops(sources, rendered), options.beside)]
     torch.manual_seed(options.fit.seed)
     run.mkdir(parents=True, exist_ok=True)
     values = {

@@ -49,8 +49,8 @@ SIGNS = {
 }
 #: Shares of the kinds; "text" and "blank" besides.
 SHARES = {
-    "up": 3.0, "down": 3.0, "open": 6.0, "close": 6.0, "alarm": 6.0, "stop": 3.0, "keyhole": 2.5,
-    "other": 4.0, "blank": 6.0, "text": 60.5,
+    "up": 3.5, "down": 3.5, "open": 6.0, "close": 6.0, "alarm": 7.5, "stop": 3.0, "keyhole": 6.0,
+    "other": 4.0, "blank": 5.5, "text": 55.0,
 }  # fmt: skip
 
 
