@@ -146,7 +146,7 @@ def _found(
     if not segments:
         return [], [], []
     points = edge_points(segments, photo.width_px, photo.height_px)
-    shapes = find_shapes(points)
+    shapes = find_shapes(points, rgb)
     refined = refine(rgb, shapes, points.size, points.blur)
     sharp = intersections(refined.lines)
     outlines, sources, reasons = [], [], []

@@ -17,6 +17,7 @@ __all__ = [
     "Ellipses",
     "Quads",
     "ellipse_distance",
+    "ellipse_frames",
     "fit_ellipses",
     "fit_offsets",
     "fit_quads",
@@ -176,6 +177,21 @@ def ellipse_distance(shape: FloatArray, xy: FloatArray) -> FloatArray:
         gx, gy = m11 * dx + m12 * dy, m12 * dx + m22 * dy
         q = np.sqrt(dx * gx + dy * gy)
         return np.asarray((q - 1) * q / np.hypot(gx, gy))
+
+
+def ellipse_frames(shape: FloatArray) -> FloatArray:
+    """L (n, 2, 2) with {c + L u : |u| = 1} the ellipse, symmetric; NaN where there is none.
+
+    The root of M's inverse, in closed form (by Cayley and Hamilton, for 2 x 2).
+    """
+    m11, m12, m22 = shape[:, 2:].T
+    with np.errstate(all="ignore"):
+        det = m11 * m22 - m12 * m12
+        root = 1 / np.sqrt(det)
+        scale = np.sqrt((m11 + m22) / det + 2 * root)
+        inverse = np.stack([m22, -m12, -m12, m11], axis=1) / det[:, None]
+        inverse[:, [0, 3]] += root[:, None]
+        return np.asarray((inverse / scale[:, None]).reshape(-1, 2, 2))
 
 
 def intersections(lines: FloatArray) -> FloatArray:

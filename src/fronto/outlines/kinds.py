@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fronto.outlines.edges import EdgePoints
-from fronto.outlines.fits import Ellipses, Quads, ellipse_distance, fit_ellipses, fit_quads
+from fronto.outlines.fits import (
+    Ellipses,
+    Quads,
+    ellipse_distance,
+    ellipse_frames,
+    fit_ellipses,
+    fit_quads,
+)
+from fronto.outlines.roundness import roundness
 from fronto.shapes import FloatArray
 
 __all__ = ["Kind", "Shapes", "find_shapes"]
@@ -33,6 +41,10 @@ TOGETHER = 12.0
 #: Blurred masks have rounder squares and squarer circles: there an ellipse may fit worse by
 #: this power of e (measured, see docs/outlines.md); blurs from 1 (none) to where that is full.
 SQUARISH, FULL_BLUR = 0.5, 3.0
+#: Where the photo is there, too: what blurred masks say counts this much, and the logarithm of
+#: the photo's edges, down to a limit, this much (a logistic regression on 1,008 buttons of
+#: renders).
+MASKS_SHARE, SEEN, MOST_SEEN = 0.3, 14.0, 0.4
 #: What fits nothing better than this, in sizes (and pixels), is odd.
 ODD, ODD_PX = 0.035, 0.6
 #: Polygons stand off from their ellipse in waves: as many a turn, and this high, in radii
@@ -43,6 +55,11 @@ POINTED = 0.35
 #: How much the other buttons of the photo say about one: as many observations, half of
 #: that where they are this few.
 COMPANY, SMALL = 3.0, 4.0
+#: Masks say little about others whose ellipses are of another form (1.4 times as long as wide is
+#: this far from a circle).
+ALIKE = 0.48
+#: What circles of another form say against one, in powers.
+ONE_FORM = 2.5
 #: Edge points of a mask that shapes are compared on.
 ENOUGH = 80
 #: Smaller masks tell no shape, pixels.
@@ -78,8 +95,16 @@ class Shapes:
     rms: FloatArray
 
 
-def find_shapes(points: EdgePoints) -> Shapes:
-    """Fit quads and ellipses to the edge points of n masks, and decide between them."""
+def find_shapes(points: EdgePoints, image: npt.NDArray[Any] | None = None) -> Shapes:
+    """Fit quads and ellipses to the edge points of n masks, and decide between them.
+
+    Parameters
+    ----------
+    points
+        The masks' edges.
+    image
+        Shape (h, w, 3), uint8: the photo, whose edges help to decide; None: the masks alone.
+    """
     n = len(points.size)
     quads = fit_quads(points, np.full(n, FIRST_CENTRAL))
     some = _thinned(points)
@@ -97,7 +122,13 @@ def find_shapes(points: EdgePoints) -> Shapes:
     blurred = np.clip((points.blur - 1) / (FULL_BLUR - 1), 0, 1)
     errors = np.stack([misfit, round_misfit, pill_misfit], axis=1)
     errors[np.isnan(errors)] = np.inf
-    chance = _chances(points, errors, SQUARISH * blurred)
+    seen = None
+    if image is not None:
+        inverse = np.asarray(np.linalg.inv(_from_square(quads.corners)), np.float64)
+        half, frames = _half_sides(quads.corners), ellipse_frames(ellipses.shape)
+        centers = ellipses.shape[:, :2]
+        seen = roundness(image, inverse, half, centers, frames, points.size.astype(np.float64))
+    chance = _chances(points, errors, blurred, _alike(ellipses.shape), seen)
     best = chance.argmax(axis=1)
     rms = np.sqrt(errors[np.arange(n), best])
     poor = ~(rms <= np.maximum(ODD * points.size, ODD_PX * points.blur)) | (best == 2)
@@ -252,8 +283,26 @@ def _from_square(corners: FloatArray) -> FloatArray:
     return np.asarray(unit @ np.array([[0.5, 0, 0.5], [0, 0.5, 0.5], [0, 0, 1]]))
 
 
-def _chances(points: EdgePoints, errors: FloatArray, squarish: FloatArray) -> FloatArray:
-    """Probability (n, 3) of each shape from its mean square distance.
+def _alike(shape: FloatArray) -> FloatArray:
+    """How much masks say about each other, (n, n), by the ellipses (n, 5) that fit them."""
+    with np.errstate(all="ignore"):
+        form = (
+            shape[:, [2, 3, 3, 4]] / np.sqrt(shape[:, 2] * shape[:, 4] - shape[:, 3] ** 2)[:, None]
+        )
+        apart = np.linalg.norm(form[:, None] - form[None], axis=2)
+    alike = np.exp(-((np.nan_to_num(apart) / ALIKE) ** 4))
+    np.fill_diagonal(alike, 0)
+    return np.asarray(alike)
+
+
+def _chances(
+    points: EdgePoints,
+    errors: FloatArray,
+    blurred: FloatArray,
+    alike: FloatArray,
+    seen: FloatArray | None,
+) -> FloatArray:
+    """Probability (n, 3) of each shape from its mean square distance, and from the photo.
 
     Gaussian errors of unknown size have the likelihood (mean square)^(-observations / 2).
     Buttons of one panel mostly have one shape: what most of them are, a doubtful one
@@ -263,11 +312,17 @@ def _chances(points: EdgePoints, errors: FloatArray, squarish: FloatArray) -> Fl
     number[points.size < TINY_PX] = 0
     errors = np.minimum(errors, 1e6)  # no fit at all
     log = np.log(errors + FLOOR_PX**2)
-    log[:, 1] -= squarish
+    log[:, 1] -= SQUARISH * blurred
     log *= -0.5 * number[:, None]
+    if seen is not None:
+        log *= 1 - (1 - MASKS_SHARE) * blurred[:, None]
+        log += SEEN * blurred[:, None] * np.maximum(seen, -MOST_SEEN)
     first = _softmax(log)
-    votes = first.sum(axis=0) - first  # of all others
+    votes = alike @ first  # of all others
     others = votes.sum(axis=1, keepdims=True)
+    # Circles on one panel look alike: what is longer than they are is none.
+    circles = first[:, 1].sum() - first[:, 1]
+    log[:, 1] += ONE_FORM * np.log((votes[:, 1] + 0.5) / (circles + 0.5))
     common = np.log((votes + 0.5) / (others + 1.5))
     return _softmax(log + COMPANY * others / (others + SMALL) * common)
 

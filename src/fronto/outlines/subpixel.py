@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.outlines.fits import Ellipses, Quads, fit_ellipses, fit_offsets, intersections
+from fronto.outlines.fits import (
+    Ellipses,
+    Quads,
+    ellipse_frames,
+    fit_ellipses,
+    fit_offsets,
+    intersections,
+)
 from fronto.outlines.kinds import Shapes
 from fronto.outlines.profiles import Stations, find_edges
 from fronto.shapes import FloatArray
@@ -206,17 +213,10 @@ def _ellipses(
     return shape, rms, good
 
 
-def _frames(shape: FloatArray) -> FloatArray:
-    """L (n, 2, 2) with {c + L u : |u| = 1} the ellipse: the inverse root of M."""
-    m = np.stack([shape[:, [2, 3]], shape[:, [3, 4]]], axis=1)
-    values, vectors = np.linalg.eigh(m)
-    return np.asarray(vectors / np.sqrt(values)[:, None] @ vectors.swapaxes(1, 2))
-
-
 def _round_stations(shape: FloatArray, size: FloatArray, off: FloatArray) -> Stations:
     t = 2 * np.pi * np.arange(ON_ELLIPSE) / ON_ELLIPSE
     unit = np.stack([np.cos(t), np.sin(t)], axis=1)
-    frame = _frames(shape)
+    frame = ellipse_frames(shape)
     xy = shape[:, None, :2] + unit @ frame.swapaxes(1, 2)
     normal = unit @ np.linalg.inv(frame)  # M (p - c) up to scale
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
