@@ -17,17 +17,17 @@ from fronto.shapes import FloatArray
 __all__ = ["roundness"]
 
 #: Rays from the button's middle; those of one sector see one step in brightness and colour.
-RAYS, SECTORS = 48, 8
+RAYS, SECTORS = 32, 8
 #: Radii of a quad's corners that are compared with the ellipse, in half sides.
-RADII = np.array([0.0, 0.25, 0.5])
+RADII = np.array([0.0, 0.35])
 #: Sizes that are compared, in those of the masks' outlines.
-SCALES = np.linspace(0.82, 1.22, 13)
+SCALES = np.linspace(0.84, 1.2, 10)
 #: Half the distance across an outline over which the photo is compared: in sizes, at least.
 ACROSS, ACROSS_PX = 0.04, 1.0
 #: Steps below this are none, grey levels.
 FAINT = 1.0
-#: Halvings that find where a ray leaves a quad: to a four-thousandth of its reach.
-HALVINGS = 12
+#: Halvings that find where a ray leaves a quad: to 0.004 of the ellipse
+HALVINGS = 9
 #: OpenCV's remap takes maps of less than 32768 rows.
 MOST_ROWS = 30_000
 
