@@ -409,7 +409,13 @@ def test_what_is_seen_and_plates_are_read_back_exactly(
     path = tmp_path_factory.mktemp("round") / "a.json"
     first, second, third = confidences
     buttons = [
-        Outline.quad(QUAD, seen=seen, truncated=not all(seen), shape_confidence=first),
+        Outline.quad(
+            QUAD,
+            seen=seen,
+            truncated=not all(seen),
+            shape_confidence=first,
+            form_std_px=0.2 if plates else None,
+        ),
         Outline.ellipse(200, 100, 20, 15, shape_confidence=second),
     ]
     labels = [
@@ -428,6 +434,7 @@ def test_what_is_seen_and_plates_are_read_back_exactly(
     assert ("seen" in quad, "seen" in ellipse) == (not all(seen), False)
     assert ("shape_confidence" in quad) == (first != 1)
     assert ("plates" in values) == (plates > 0)
+    assert ("form_std_px" in quad) == (plates > 0)
 
 
 def test_writing_to_a_missing_folder_is_refused(tmp_path: Path) -> None:

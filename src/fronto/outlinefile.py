@@ -178,6 +178,8 @@ def _fields(outline: Outline) -> dict[str, Any]:
         }
     fields |= {"category": outline.category, "text": outline.text}
     fields |= {"std_px": float(outline.std_px), "confidence": float(outline.confidence)}
+    if outline.form_std_px is not None:
+        fields["form_std_px"] = float(outline.form_std_px)
     if outline.shape_confidence != 1:
         fields["shape_confidence"] = float(outline.shape_confidence)
     if outline.shape == "quad" and not all(outline.seen):  # an ellipse has no sides
@@ -195,10 +197,12 @@ def _photo_size(width_px: int | None, height_px: int | None) -> tuple[int, int] 
 
 def _scaled(outline: Outline, factor: FloatArray) -> Outline:
     """Scale to the resized photo: x' = (x + 0.5) s - 0.5, since pixel centres are integers."""
-    std = outline.std_px * float(np.sqrt(factor.prod()))
+    mean = float(np.sqrt(factor.prod()))
+    std = outline.std_px * mean
     if outline.corners_px is not None:
         corners = (outline.corners_px + 0.5) * factor - 0.5
-        return replace(outline, corners_px=corners, std_px=std)
+        form = None if outline.form_std_px is None else outline.form_std_px * mean
+        return replace(outline, corners_px=corners, std_px=std, form_std_px=form)
     assert outline.ellipse_px is not None
     matrix = factor[:, None] * outline.ellipse_px.shape_matrix * factor
     center = (outline.ellipse_px.center + 0.5) * factor - 0.5

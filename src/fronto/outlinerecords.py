@@ -45,6 +45,7 @@ class OutlineRecord(msgspec.Struct):
     ellipse: _Ellipse | None = None
     std_px: _Length | None = None
     corner_std_px: _Length | None = None
+    form_std_px: _Length | None = None
     text: str | None = None
     label: str | None = None
     label_source: str | None = None
@@ -158,6 +159,7 @@ def outline_of(record: OutlineRecord, thing: str) -> Outline:
             truncated=record.truncated,
             seen=record.seen,
             shape_confidence=record.shape_confidence,
+            form_std_px=record.form_std_px,
         )
     except InputError as error:
         raise InputError(f"{thing}.{spelled}", error.expected, error.remedy) from None

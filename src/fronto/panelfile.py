@@ -226,6 +226,7 @@ def _button(button: Button) -> dict[str, Any]:
         "box_px": outline.box_px,
         "center_px": outline.center_px,
         "corner_std_px": outline.std_px,
+        "form_std_px": outline.form_std_px,
         "odd": outline.odd,
         "truncated": outline.truncated,
         "seen": outline.seen,

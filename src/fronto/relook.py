@@ -148,7 +148,8 @@ def _in_photo(
                 moved = replace(o, corners_px=corners)
         except InputError:
             continue
-        found.append(replace(moved, std_px=o.std_px * factor))
+        form = None if o.form_std_px is None else o.form_std_px * factor
+        found.append(replace(moved, std_px=o.std_px * factor, form_std_px=form))
     return found
 
 

@@ -163,6 +163,10 @@ class Outline:
         are guesses; the pose leans on the seen sides only.
     shape_confidence
         Probability that it has this shape and no other, 0 to 1.
+    form_std_px
+        Standard deviation of a quad's corner coordinates against each other, place and size
+        left open: an outline that follows another edge of the button all around is as good for
+        the pose. None: `std_px`.
     """
 
     shape: Shape
@@ -176,10 +180,13 @@ class Outline:
     truncated: bool = False
     seen: tuple[bool, bool, bool, bool] = (True, True, True, True)
     shape_confidence: float = 1.0
+    form_std_px: float | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.std_px) and self.std_px > 0):
-            raise InputError("std_px", f"expected a positive number of pixels, got {self.std_px}")
+        for name in ("std_px", "form_std_px"):
+            std = getattr(self, name)
+            if std is not None and not (np.isfinite(std) and std > 0):
+                raise InputError(name, f"expected a positive number of pixels, got {std}")
         if self.shape == "quad":
             if self.corners_px is None or self.ellipse_px is not None:
                 raise InputError("outline", "a quad needs corners_px and no ellipse_px")
@@ -203,6 +210,7 @@ class Outline:
         truncated: bool = False,
         seen: tuple[bool, bool, bool, bool] = (True, True, True, True),
         shape_confidence: float = 1.0,
+        form_std_px: float | None = None,
     ) -> Outline:
         """A quad from its corners (4, 2): top-left, top-right, bottom-right, bottom-left.
 
@@ -223,6 +231,7 @@ class Outline:
             truncated=truncated,
             seen=seen,
             shape_confidence=shape_confidence,
+            form_std_px=form_std_px,
         )
 
     @classmethod

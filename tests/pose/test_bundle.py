@@ -8,6 +8,7 @@ from fronto.pose.bundle import (
     FIRST_GROUP,
     FOCAL,
     MAX_GLOBALS,
+    QUAD,
     Model,
     Observations,
     back_project,
@@ -75,6 +76,7 @@ def problem_of(
     template=False,
     tilt=0.0,
     noise=None,
+    gain=1.0,
 ):
     """MIXED seen by a camera whose true focal length is `focal_scale` times the assumed one."""
     camera = PAPER_CAMERA
@@ -93,6 +95,7 @@ def problem_of(
     if noise is not None:
         panel = panel.noisy(noise, 0.3)
     seen = observations(panel.outlines, camera, segments)
+    seen = replace(seen, gain=np.where(seen.kind == QUAD, gain, 1.0))
 
     pivot = np.array([*(np.array(seen.pivot) / focal_scale), 1.0])
     depth = panel.translation[2] / (panel.rotation[2] @ pivot)
@@ -140,7 +143,9 @@ CASES = {
     "tilt": {"angles": (0.0, 0.0, 9.0), "tilt": 300.0},
     "focal length": {"focal_scale": 1.2, "focal_isd": 3.0},
     "template": {"template": True},
+    "form": {"gain": 4.0},
     "everything": {
+        "gain": 2.5,
         "angles": (0.0, 0.0, -5.0),
         "lines": True,
         "ties": True,
@@ -313,6 +318,26 @@ def test_unseen_corners_do_not_count(view):
     observed[0, 4:6] += 0.5
     seen = replace(problem.seen, inverse_sd=inverse_sd, observed=observed)
     assert evaluate(seen, problem.model, problem.rotation, problem.parameters, problem.xy) < 1e-12
+
+
+def test_place_and_size_keep_their_weight_where_the_form_is_surer(view):
+    problem, plain = problem_of(view, gain=5.0), problem_of(view)
+    quad = problem.seen.observed[0, :8].reshape(4, 2)
+
+    def chi2(which, moved):
+        observed = which.seen.observed.copy()
+        observed[0, :8] = moved.ravel()
+        seen = replace(which.seen, observed=observed)
+        return evaluate(seen, which.model, which.rotation, which.parameters, which.xy)
+
+    middle = quad.mean(axis=0)
+    along = (quad[1] + quad[2] - quad[0] - quad[3]) / 4
+    grown = quad + 0.02 * np.outer([-1, 1, 1, -1], along)
+    for moved in (quad + np.array([0.001, 0.0]), quad + np.array([0.0, 0.002]), grown):
+        assert chi2(problem, moved) == pytest.approx(chi2(plain, moved), rel=0.02)
+    for turn in (0.01, -0.01):
+        turned = middle + (quad - middle) @ np.array([[1, turn], [-turn, 1]])
+        assert chi2(problem, turned) > 15 * chi2(plain, turned)
 
 
 def test_loss_is_plain_up_to_the_knee_and_logarithmic_after(view):

@@ -1,5 +1,7 @@
 """What does not fit is not called ok: imprecise panels, wrong templates, contradictions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,38 @@ def test_deviations_hold_on_panels_as_they_are_made(side: float) -> None:
         w = rotation_log(pose.rotation.T @ scene.rotation)
         covered.append(w @ np.linalg.solve(pose.covariance, w) < CHI2_95_3)
     assert np.mean(covered) >= 0.88
+
+
+def test_outlines_on_another_edge_all_around() -> None:
+    # Each button's bezel or gap instead of its face: 3 px off, but hardly another form.
+    rng = np.random.default_rng(3)
+    off, stated, covered = [], [], []
+    for scene in scenes(4, 40, lambda rng: car_layout(rng, 4), 0.25, min_side_px=40):
+        outlines = []
+        for o in scene.outlines:
+            if o.corners_px is None:
+                outlines.append(o)
+                continue
+            a, b, c, d = o.corners_px
+            u, v = (b + c - a - d) / 2, (c + d - a - b) / 2
+            out = [rng.normal(0, 3) * w / np.linalg.norm(w) / 2 for w in (u, v)]
+            grown = o.corners_px + np.array([-1, 1, 1, -1])[:, None] * out[0]
+            grown = grown + np.array([-1, -1, 1, 1])[:, None] * out[1]
+            outlines.append(Outline.quad(grown, std_px=1.6, category=o.category))
+        pair = []
+        for form in (None, 0.3):
+            formed = [o if o.corners_px is None else replace(o, form_std_px=form) for o in outlines]
+            pose = estimate_pose(formed, scene.camera)
+            assert pose.status in ("ok", "uncertain")
+            w = rotation_log(pose.rotation.T @ scene.rotation)
+            pair.append((np.degrees(np.linalg.norm(w)), float(max(pose.std_deg))))
+        covered.append(w @ np.linalg.solve(pose.covariance, w) < CHI2_95_3)
+        off.append([error for error, _ in pair])
+        stated.append([std for _, std in pair])
+    plain, formed_ = np.median(off, axis=0)
+    assert formed_ < 0.7 * plain
+    assert np.median(stated, axis=0)[1] < 0.6 * np.median(stated, axis=0)[0]
+    assert np.mean(covered) >= 0.8
 
 
 def test_without_tolerance_large_buttons_promise_too_much() -> None:

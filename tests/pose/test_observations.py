@@ -26,6 +26,18 @@ def test_quads_by_hand():
     assert len(seen.axis) == 0
 
 
+def test_form_by_hand():
+    def gains(**options):
+        outlines = [Outline.quad(SQUARE, std_px=2.0, **options), Outline.ellipse(100, 100, 20, 20)]
+        return observations(outlines, CAMERA, tolerance=0.01).gain.tolist()
+
+    assert gains() == [1, 1]
+    # The tolerance, 0.4 px of 40, is in both.
+    assert gains(form_std_px=0.3)[0] == pytest.approx(np.hypot(2, 0.4) / 0.5)
+    assert gains(form_std_px=5.0) == [1, 1]
+    assert gains(form_std_px=0.3, seen=(True, True, True, False)) == [1, 1]
+
+
 def test_lines_by_hand():
     lines = [
         LineSegment("vertical", [[320, 140], [420, 340]], std_px=0.4),

@@ -64,6 +64,41 @@ static int quad_rows(const Problem *p, int i, const double *R, double s, double 
     return 8;
 }
 
+/* Multiplies by `gain` what of eight values (corners' x and y) is neither a shift of the quad nor
+ * its growing along its sides; these four ways are orthogonal. */
+static void sharpen(double gain, const double ways[4][8], double *values, int stride) {
+    double along[4] = {0, 0, 0, 0};
+    for (int q = 0; q < 4; q++)
+        for (int k = 0; k < 8; k++) along[q] += ways[q][k] * values[k * stride];
+    for (int k = 0; k < 8; k++) {
+        double kept = 0.0;
+        for (int q = 0; q < 4; q++) kept += along[q] * ways[q][k];
+        values[k * stride] = gain * values[k * stride] - (gain - 1.0) * kept;
+    }
+}
+
+/* The ways in which an outline on another of a button's edges differs: shifted, or larger. */
+static void common_ways(const double *seen, double ways[4][8]) {
+    static const double SX[4] = {-0.5, 0.5, 0.5, -0.5}, SY[4] = {-0.5, -0.5, 0.5, 0.5};
+    double side[2][2] = {{0, 0}, {0, 0}};
+    for (int c = 0; c < 4; c++)
+        for (int k = 0; k < 2; k++) {
+            side[0][k] += SX[c] * seen[2 * c + k];
+            side[1][k] += SY[c] * seen[2 * c + k];
+        }
+    for (int q = 0; q < 2; q++) {
+        const double length = hypot(side[q][0], side[q][1]);
+        for (int k = 0; k < 2; k++) side[q][k] = length > 0 ? side[q][k] / length : 0.0;
+    }
+    for (int c = 0; c < 4; c++)
+        for (int k = 0; k < 2; k++) {
+            ways[0][2 * c + k] = k == 0 ? 0.5 : 0.0;
+            ways[1][2 * c + k] = k == 1 ? 0.5 : 0.0;
+            ways[2][2 * c + k] = SX[c] * side[0][k];
+            ways[3][2 * c + k] = SY[c] * side[1][k];
+        }
+}
+
 /* Eight residuals of an ellipse: along each of eight normals n, the distance between the
  * tangent of the projected circle and the observed one. A line l is tangent to a conic iff
  * l' Q* l = 0 with the dual conic Q* = rho^2 (r1 r1' + r2 r2') - d d'. */
@@ -237,6 +272,13 @@ double bundle_evaluate(const Problem *p, const double *R, const double *globals,
                 ? quad_rows(p, i, R, s, width, exp(globals[at + 1]), xy + 2 * i, r, normal ? J : 0)
                 : ellipse_rows(p, i, R, s, width, xy + 2 * i, r, normal ? J : 0);
         if (rows < 0) return INFINITY;
+        if (p->kind[i] == QUAD && p->gain[i] != 1.0) {
+            double ways[4][8];
+            common_ways(p->observed + (size_t)i * OBSERVATION, ways);
+            sharpen(p->gain[i], (const double(*)[8])ways, r, 1);
+            for (int a = 0; a < COLUMNS && normal; a++)
+                sharpen(p->gain[i], (const double(*)[8])ways, &J[0][a], COLUMNS);
+        }
         double sum = 0.0, weight;
         for (int k = 0; k < rows; k++) sum += r[k] * r[k];
         if (chi2) chi2[i] = sum;

@@ -27,6 +27,8 @@ LEAST_SIZE_PX = 2.5
 SHARP_PX, FULL_BLUR = 0.06, 3.0
 MASK_OFF = {"quad": (1.35, 0.063), "ellipse": (0.55, 0.022)}
 EDGE_OFF = {"quad": (0.6, 0.035), "ellipse": (0.4, 0.011)}
+#: Of corners against each other, place and size left open, where all four sides follow the photo.
+FORM_OFF = (0.3, 0.002)
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
@@ -111,12 +113,14 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
 
 def _systematic(m: Measured, shape: Literal["quad", "ellipse"], share: float) -> float:
     """What the fit's own deviation does not show; `share` of the outline is the photo's."""
-    size = float(m.points.size[m.k])
-    blurred = min(max((float(m.points.blur[m.k]) - 1) / (FULL_BLUR - 1), 0.0), 1.0)
-    mask, edge = (
-        blurred * np.hypot(px, part * size) for px, part in (MASK_OFF[shape], EDGE_OFF[shape])
-    )
+    mask, edge = _off(m, *MASK_OFF[shape]), _off(m, *EDGE_OFF[shape])
     return float(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
+
+
+def _off(m: Measured, px: float, share: float) -> float:
+    """A deviation of blurred masks, and what rests on them: pixels, and a share of the size."""
+    blurred = min(max((float(m.points.blur[m.k]) - 1) / (FULL_BLUR - 1), 0.0), 1.0)
+    return float(blurred * np.hypot(px, share * float(m.points.size[m.k])))
 
 
 def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
@@ -139,18 +143,21 @@ def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
     turn = int(np.argmin(np.linalg.norm(corners - ordered[0], axis=1)))
     std = ODD_STD * float(m.points.size[k]) if odd else _quad_std(m, seen)
     top, right, bottom, left = (bool(s) for s in np.roll(seen, -turn))
+    total = float(np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean()))))
+    form = None
+    if not odd and seen.all() and m.refined.from_image[k].all():
+        form = min(total, float(np.hypot(std, _off(m, *FORM_OFF))))
     try:
         return Outline.quad(
             ordered,
-            std_px=float(
-                np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean())))
-            ),
+            std_px=total,
             category=segment.category,
             confidence=segment.confidence,
             odd=odd,
             truncated=truncated,
             seen=(top, right, bottom, left),
             shape_confidence=float(m.shapes.confidence[k]),
+            form_std_px=form,
         )
     except InputError:
         return "its sides bound no button"

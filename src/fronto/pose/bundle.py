@@ -42,6 +42,8 @@ class Observations:
         the tangent being {u : n·u = h} with unit outward normal n.
     inverse_sd
         (n, 8): 1/σ of each corner (first four; 0 = not seen) or tangent.
+    gain
+        (n,): how many times surer a quad's form is than its place and its size, at least 1.
     pivot
         The panel's middle: (x, y) of the plane are distances from where its ray meets
         the panel, in units of that point's depth.
@@ -54,6 +56,7 @@ class Observations:
     kind: IntArray
     observed: FloatArray
     inverse_sd: FloatArray
+    gain: FloatArray
     pivot: tuple[float, float]
     axis: IntArray = field(default_factory=lambda: np.zeros(0, np.intc))
     segment: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
@@ -68,12 +71,13 @@ class Observations:
 
     @functools.cached_property
     def addresses(self) -> tuple[int, ...]:
-        """Where the arrays are: kind, observed, inverse_sd, axis, segment, line_isd."""
+        """Where the arrays are: kind, observed, inverse_sd, gain, axis, segment, line_isd."""
         d, i = np.float64, np.intc
         return (
             address(self.kind, i),
             address(self.observed, d),
             address(self.inverse_sd, d),
+            address(self.gain, d),
             address(self.axis, i),
             address(self.segment, d),
             address(self.line_isd, d),
@@ -190,6 +194,7 @@ class _Problem(ctypes.Structure):
                 "kind",
                 "observed",
                 "inverse_sd",
+                "gain",
                 "group",
                 "tie_index",
                 "tie_coef",
@@ -239,7 +244,7 @@ def _kernels() -> tuple[Any, Any, Any]:
 
 def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -> _Problem:
     d, i = np.float64, np.intc
-    kind, observed, inverse_sd, axis, segment, line_isd = seen.addresses
+    kind, observed, inverse_sd, gain, axis, segment, line_isd = seen.addresses
     return _Problem(
         len(seen.kind),
         len(model.square_isd),
@@ -249,6 +254,7 @@ def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -
         kind,
         observed,
         inverse_sd,
+        gain,
         address(model.group, i),
         address(model.tie_index, i),
         address(model.tie_coef, d),

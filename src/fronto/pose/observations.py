@@ -95,7 +95,7 @@ def observations(
     boxes = boxes_px(outlines)
     size = np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
     std = np.hypot([o.std_px for o in outlines], tolerance * size)
-    inverse_sd = np.zeros((n, TANGENTS))
+    inverse_sd, gain = np.zeros((n, TANGENTS)), np.ones(n)
 
     quads = np.flatnonzero(kind == QUAD)
     if len(quads):
@@ -106,6 +106,10 @@ def observations(
         whole = seen & np.roll(seen, 1, axis=1)
         sd = np.where(whole, std[quads, None], np.hypot(std, UNSEEN * size)[quads, None])
         inverse_sd[quads, :4] = focal / sd
+        for i in quads[whole.all(axis=1)].tolist():
+            form = outlines[i].form_std_px
+            if form is not None:
+                gain[i] = max(1.0, std[i] / float(np.hypot(form, tolerance * size[i])))
 
     ellipses = np.flatnonzero(kind == ELLIPSE)
     if len(ellipses):
@@ -125,7 +129,7 @@ def observations(
     sides = _sides(outlines)
     keyhole = np.array([o.category == "keyhole" for o in outlines])
     if not lines and not sides:
-        return Observations(kind, observed, inverse_sd, pivot, keyhole=keyhole)
+        return Observations(kind, observed, inverse_sd, gain, pivot, keyhole=keyhole)
     ends = np.array([line.ends_px for line in lines], np.float64).reshape(-1, 2)
     ends = camera.undistort_points(ends) if camera.distorted else ends
     if not np.isfinite(ends).all():
@@ -143,6 +147,7 @@ def observations(
         kind,
         observed,
         inverse_sd,
+        gain,
         pivot,
         np.array(axis, dtype=np.intc),
         np.ascontiguousarray(ends.reshape(-1, 4)),
