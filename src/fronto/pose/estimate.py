@@ -10,7 +10,7 @@ import numpy as np
 
 from fronto.camera import Camera
 from fronto.errors import InputError
-from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, TANGENTS, Solution, depth_one
+from fronto.pose.bundle import FIRST_GROUP, FOCAL, QUAD, TANGENTS, Solution, depth_one, solve
 from fronto.pose.checks import boxes_px, check_outlines
 from fronto.pose.criteria import cos_norm
 from fronto.pose.observations import TOLERANCE, observations, undistorted
@@ -191,11 +191,15 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     # As whitened: the stated deviations, the buttons' tolerance and what the residuals ask for.
     tangent = np.where(found.seen.kind == QUAD, 1.0, np.sqrt(TANGENTS / 2))
     std = camera.focal_px / (found.seen.inverse_sd.max(axis=1) * tangent)
+    # What does not fit is the form of quads whose form is surer than their place and size.
+    std *= np.maximum(1 / found.sigma_factor, 1 / found.seen.gain)
     sigma_px = float(middle(std))
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
     cov = found.common * covariance(best, found.model)
-    verdict = judge(found, cov, size_px, sigma_px, _aspect_std(found, cov))
+    counts = weights(found, best) >= SET_ASIDE
+    missed_px = float(middle(_residuals(best, camera, found)[counts])) if counts.any() else 0.0
+    verdict = judge(found, cov, size_px, min(sigma_px, missed_px), _aspect_std(found, cov))
     if verdict.status == "degenerate":
         cov = np.full(cov.shape, np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
@@ -206,6 +210,17 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     if found.other_roll is not None:
         others.append(_turned(pose, found.other_roll))
     return replace(pose, alternatives=tuple(others))
+
+
+def _residuals(solution: Solution, camera: Camera, found: Adjustment) -> FloatArray:
+    """Root mean square distance (n,) of corners or tangents from where they are seen, pixels."""
+    seen = found.seen
+    plain = replace(seen, gain=np.ones(len(seen.gain)))
+    start = (solution.rotation[None], solution.parameters[None], solution.xy[None])
+    chi2 = solve(plain, found.model, *start, max_iterations=0)[0].chi2
+    # A quad has four corners, and eight tangents have both coordinates of four points.
+    per_point = chi2 / np.where(seen.kind == QUAD, 4, TANGENTS)
+    return np.asarray(camera.focal_px / seen.inverse_sd.max(axis=1) * np.sqrt(per_point))
 
 
 def _turned(pose: PanelPose, rotation: FloatArray) -> PanelPose:
@@ -235,8 +250,7 @@ def _pose(
     focal_scale = float(np.exp(solution.parameters[FOCAL]))
     offset, distance = depth_one(seen, solution.rotation, focal_scale)
     corners = (solution.xy[:, None] + sizes[:, None] * _SIGNS + offset) / distance
-    # Eight tangents carry twice the outline's deviation each (see observations).
-    residual = std * np.sqrt(np.where(quads, solution.chi2 / 4, solution.chi2 / 2))
+    residual = _residuals(solution, camera, found)
     focal_std, notes, aspect = 0.0, [], _aspect_std(found, cov)
     if camera.focal_std > 0:
         focal_std = float(np.sqrt(cov[FOCAL, FOCAL]))

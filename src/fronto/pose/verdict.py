@@ -124,7 +124,7 @@ def judge(
     adjustment: Adjustment,
     cov: FloatArray,
     size_px: FloatArray,
-    sigma_px: float,
+    missed_px: float,
     aspect_std: float | None,
 ) -> Verdict:
     """Weigh the best solution.
@@ -135,8 +135,8 @@ def judge(
         (m, m): its covariance, see `covariance`.
     size_px
         (n,): size of each button in the photo.
-    sigma_px
-        Deviation of the corners as the residuals have it.
+    missed_px
+        By how much the middle one of the buttons misses the model.
     aspect_std
         Deviation of ln(width/height) of the rectified quads, None without quads.
     """
@@ -198,9 +198,9 @@ def judge(
         not (small or lined) and adjustment.sigma_factor > 1 and _above(adjustment) > CONTRADICTION
     ):
         reasons.append("the outlines do not fit one flat panel of such buttons in rows and columns")
-    if sigma_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
+    if missed_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
         reasons.append(
-            f"the outlines miss a flat panel by {sigma_px:.1f} px: wrong outlines"
+            f"the outlines miss a flat panel by {missed_px:.1f} px: wrong outlines"
             + (", a wrong template" if adjustment.model.scale_latent >= 0 else "")
             + " or no plane"
         )
