@@ -47,8 +47,9 @@ class Painted:
 
     def read(self, crops: np.ndarray) -> tuple[Reading, ...]:
         assert crops.shape[1:] == (48, 48, 3)
-        self.seen = [round(float(crop[12:36, 12:36].mean()) / 5) - 1 for crop in crops]
-        return tuple(reading(self.said[k]) for k in self.seen)
+        seen = [round(float(crop[12:36, 12:36].mean()) / 5) - 1 for crop in crops]
+        self.seen = self.seen or seen  # what is unclear may be read again, turned
+        return tuple(reading(self.said[k]) for k in seen)
 
 
 def quad(place: tuple[float, float], warp: np.ndarray = STRAIGHT, **more: object) -> Outline:
@@ -228,6 +229,33 @@ def test_naming_twice_changes_nothing() -> None:
     again = name_buttons(panel, photo, Same())
     assert labels(again) == labels(panel)
     assert [b.label_guesses for b in again.buttons] == [b.label_guesses for b in panel.buttons]
+
+
+def test_plates_that_lie_on_their_side() -> None:
+    class Tilted(Painted):
+        calls = 0
+
+        def read(self, crops: np.ndarray) -> tuple[Reading, ...]:
+            self.calls += 1
+            found = super().read(crops)
+            upright = self.calls == 4  # after as it is, to the right, upside down
+            return tuple(
+                r if upright or not r.text else Reading("", "unreadable", 0.7) for r in found
+            )
+
+    said: list[Said] = ["blank"] * 4
+    said += [{floor: 0.95} for floor in "4321"]
+    plain = named(said[:4], said[4:])
+    photo = np.zeros((480, 640, 3), np.uint8)
+    import cv2
+
+    for k, thing in enumerate([*plain.buttons, *plain.plates]):
+        corners = np.rint(thing.outline.corners_px).astype(np.int32)  # type: ignore[arg-type]
+        cv2.fillPoly(photo, [corners], (5 * (k + 1),) * 3)
+    bare = replace(plain, plates=tuple(Plate(plate.outline) for plate in plain.plates), notes=())
+    tilted = name_buttons(bare, photo, Tilted(said))
+    assert labels(tilted) == labels(plain) == ["4", "3", "2", "1"]
+    assert tilted.notes == ("the labels on the plates are turned to the left",)
 
 
 def test_no_outlines_need_no_reader() -> None:

@@ -17,6 +17,7 @@ from fronto.labels.layout import grid_of, panel_boxes, straightened
 from fronto.labels.lit import lit_scores
 from fronto.labels.order import in_order
 from fronto.labels.series import is_floor, label_key, normal_label
+from fronto.labels.turned import upright_readings
 from fronto.results import Button, LabelSource, Panel, Plate
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ __all__ = ["Reader", "name_buttons", "packaged_reader"]
 #: the button is declined. Of legible labels of photos (docs/labels.md) that leaves some 2 % wrong;
 #: `label_confidence` is there for those who need to be surer.
 NAMED, CLEARLY = 0.5, 1.5
+NAMED_SIGN = 0.5
 #: What readings alone make so probable is not overruled by the neighbours, only declined; and where
 #: a button and its plate say different things, so much is asked for.
 CERTAIN = 0.8
@@ -106,7 +108,7 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
         return panel
     outlines = [thing.outline for thing in things]
     cut = crops(photo, outlines, panel.pose)
-    readings = reader.read(cut)
+    readings, lying = _readings(reader, cut, len(panel.buttons))
     said = [_said(thing, reading) for thing, reading in zip(things, readings, strict=True)]
     boxes = panel_boxes(outlines, panel.pose)
     if panel.pose.status not in ("ok", "uncertain"):
@@ -128,8 +130,23 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
         _named_plate(plate, said[count + k].labels, ids.get(k))
         for k, plate in enumerate(panel.plates)
     )
-    notes = [*_contested(panel.buttons, seen, final), *_lying(panel.buttons, evidence)]
+    notes = [*lying, *_contested(panel.buttons, seen, final), *_strays(panel.buttons, evidence)]
     return replace(panel, buttons=buttons, plates=plates, notes=(*panel.notes, *notes))
+
+
+def _readings(
+    reader: Reader, cut: npt.NDArray[np.uint8], count: int
+) -> tuple[list[Reading], list[str]]:
+    """What crops of so many buttons, then of plates, say; remarks on those that are turned."""
+    readings = reader.read(cut)
+    found: list[Reading] = []
+    notes = []
+    for name, part in (("buttons", slice(0, count)), ("plates", slice(count, None))):
+        said, way = upright_readings(reader.read, cut[part], readings[part])
+        found += said
+        if way:
+            notes.append(f"the labels on the {name} are turned {way}")
+    return found, notes
 
 
 def _given(thing: Button | Plate) -> str:
@@ -160,11 +177,14 @@ def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Beli
     next_best = max((p for other, p in final.items() if other != label), default=0.0)
     likely = [said for said, p in (best(own), best(plate)) if said and p >= READ]
     disagree = len({label_key(said) for said in likely}) > 1
-    unclear = probability < max(CERTAIN if disagree else NAMED, CLEARLY * next_best)
+    least = NAMED if is_floor(label) else NAMED_SIGN
+    unclear = probability < max(least, CLEARLY * next_best)
+    # The order does not settle what a button and its plate say against each other.
+    unclear |= disagree and seen.get(label, 0.0) < CERTAIN
     if not label or unclear or (read != label and sure >= CERTAIN):
         return replace(named, label="", label_source=None)
     source: LabelSource = "button" if own.get(label, 0.0) >= plate.get(label, 0.0) else "plate"
-    if read != label or sure < READ:
+    if is_floor(label) and (read != label or sure < READ):
         source = "inferred"
     return replace(named, label=label, label_source=source)
 
@@ -196,7 +216,7 @@ def _contested(
             yield f"buttons {ids} all seem to be {key}: {kept}"
 
 
-def _lying(buttons: Sequence[Button], evidence: Evidence) -> Iterator[str]:
+def _strays(buttons: Sequence[Button], evidence: Evidence) -> Iterator[str]:
     """Remarks on plates among the buttons."""
     for plate, button in evidence.strays:
         yield f"button {buttons[plate].id} is rather the plate of button {buttons[button].id}"
