@@ -191,6 +191,15 @@ def test_another_symbol_is_not_filled_in() -> None:
     assert button_names(panel.buttons)[2] == "other"  # its category
 
 
+def test_a_weak_reading_that_nothing_rivals() -> None:
+    assert labels(named([{"12": 0.36, "72": 0.1}, "blank"])) == ["12", ""]
+    assert labels(named([{"12": 0.36, "72": 0.2}, "blank"])) == ["", ""]
+    assert labels(named([{"12": 0.36}, {"12": 0.3, "13": 0.28}])) == ["", ""]
+    # A sign has no order to bear it out.
+    assert labels(named([{"alarm": 0.36}, "blank"])) == ["", ""]
+    assert labels(named([{"alarm": 0.47}, "blank"])) == ["alarm", ""]
+
+
 def test_one_floor_on_two_buttons_is_on_neither() -> None:
     panel = named([{"6": 0.98}, {"up": 0.99}, {"6": 0.98}])
     assert labels(panel) == ["", "up", ""]

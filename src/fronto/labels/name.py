@@ -25,11 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Reader", "name_buttons", "packaged_reader"]
 
-#: A label less probable than this, or less than so many times as probable as the next, is none:
-#: the button is declined. Of legible labels of photos (docs/labels.md) that leaves some 2 % wrong;
+#: A label less probable than this, or less than so many times as probable as the next, is none: the
+#: button is declined. Of legible labels of photos (docs/labels.md) that leaves some 2 % wrong;
 #: `label_confidence` is there for those who need to be surer.
 NAMED, CLEARLY = 0.5, 1.5
-NAMED_SIGN = 0.5
+#: The same for a floor, which the order bears out, and for another label, of a whole button, where
+#: no other button of the panel is called so with that share of the probability: then the rest is
+#: spread thin over many labels.
+ALONE, SIGN_ALONE, CLEARLY_ALONE, CONTESTED = 0.3, 0.45, 2.0, 0.5
 #: What readings alone make so probable is not overruled by the neighbours, only declined; and where
 #: a button and its plate say different things, so much is asked for.
 CERTAIN = 0.8
@@ -117,10 +120,11 @@ def name_buttons(panel: Panel, photo: npt.NDArray[Any], reader: Reader) -> Panel
     evidence = gather(said[:count], said[count:], boxes)
     seen = [combined(*both) for both in zip(evidence.own, evidence.plate, strict=True)]
     final = in_order(seen, grid_of(boxes[:count]))
+    alone = _uncontested(final)
     lit = lit_scores(cut[:count])
     buttons = tuple(
         replace(
-            _named(button, final[k], seen[k], evidence.own[k], evidence.plate[k]),
+            _named(button, final[k], seen[k], evidence.own[k], evidence.plate[k], alone=alone[k]),
             lit=None if lit is None else float(lit[k]),
         )
         for k, button in enumerate(panel.buttons)
@@ -165,8 +169,24 @@ def _said(thing: Button | Plate, reading: Reading) -> Said:
     return Said(labels, reading.kind, trust * reading.confidence)
 
 
-def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Belief) -> Button:
-    """A button with what is sure enough of its label."""
+def _uncontested(final: Sequence[Belief]) -> list[bool]:
+    """Whether no other button may well have each one's likeliest label."""
+    told = [best(belief) for belief in final]
+    keyed = [{label_key(label): p for label, p in belief.items()} for belief in final]
+    return [
+        all(
+            other.get(label_key(label), 0.0) < CONTESTED * p
+            for j, other in enumerate(keyed)
+            if j != k
+        )
+        for k, (label, p) in enumerate(told)
+    ]
+
+
+def _named(
+    button: Button, final: Belief, seen: Belief, own: Belief, plate: Belief, *, alone: bool
+) -> Button:
+    """A button with what is sure enough of its label, which is its `alone` or others' too."""
     if _given(button):
         return button
     label, probability = best(final)
@@ -177,8 +197,10 @@ def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Beli
     next_best = max((p for other, p in final.items() if other != label), default=0.0)
     likely = [said for said, p in (best(own), best(plate)) if said and p >= READ]
     disagree = len({label_key(said) for said in likely}) > 1
-    least = NAMED if is_floor(label) else NAMED_SIGN
-    unclear = probability < max(least, CLEARLY * next_best)
+    unclear = probability < max(NAMED, CLEARLY * next_best)
+    if alone and not button.outline.truncated:
+        least = ALONE if is_floor(label) else SIGN_ALONE
+        unclear &= probability < max(least, CLEARLY_ALONE * next_best)
     # The order does not settle what a button and its plate say against each other.
     unclear |= disagree and seen.get(label, 0.0) < CERTAIN
     if not label or unclear or (read != label and sure >= CERTAIN):
