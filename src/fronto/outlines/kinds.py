@@ -58,6 +58,8 @@ COMPANY, SMALL = 3.0, 4.0
 #: Masks say little about others whose ellipses are of another form (1.4 times as long as wide is
 #: this far from a circle).
 ALIKE = 0.48
+#: As far as forms are told apart.
+FAR = 100.0
 #: What circles of another form say against one, in powers.
 ONE_FORM = 2.5
 #: Edge points of a mask that shapes are compared on.
@@ -286,11 +288,14 @@ def _from_square(corners: FloatArray) -> FloatArray:
 def _alike(shape: FloatArray) -> FloatArray:
     """How much masks say about each other, (n, n), by the ellipses (n, 5) that fit them."""
     with np.errstate(all="ignore"):
-        form = (
-            shape[:, [2, 3, 3, 4]] / np.sqrt(shape[:, 2] * shape[:, 4] - shape[:, 3] ** 2)[:, None]
-        )
-        apart = np.linalg.norm(form[:, None] - form[None], axis=2)
-    alike = np.exp(-((np.nan_to_num(apart) / ALIKE) ** 4))
+        size = np.sqrt(shape[:, 2] * shape[:, 4] - shape[:, 3] ** 2)
+        form = np.clip(shape[:, [2, 3, 3, 4]] / size[:, None], -FAR, FAR)
+    known = np.isfinite(form).all(axis=1)
+    form[~known] = 0
+    square = (form**2).sum(axis=1)
+    apart = np.sqrt(np.maximum(square[:, None] + square - 2 * form @ form.T, 0))
+    apart[~known] = apart[:, ~known] = 0
+    alike = np.exp(-((apart / ALIKE) ** 4))
     np.fill_diagonal(alike, 0)
     return np.asarray(alike)
 
