@@ -174,10 +174,7 @@ class RenderedCrops:
         if rng.random() < WHOLE_PHOTOS / 10:
             fresh += render_panel_crops(rng)
         for sample in fresh:
-            if len(self.kept) < KEPT:
-                self.kept.append(sample)
-            else:
-                self.kept[int(rng.integers(KEPT))] = sample
+            _keep(self.kept, sample, rng)
         return fresh[-1]
 
     def knob(self, rng: np.random.Generator) -> Sample:
@@ -187,11 +184,16 @@ class RenderedCrops:
         if len(self.blank) >= 64 and rng.random() >= 1 / self.reuse:
             return self.blank[int(rng.integers(len(self.blank)))]
         fresh = render_crop(rng, self.faces, Marking(ReadTarget("blank")))
-        if len(self.blank) < KEPT:
-            self.blank.append(fresh)
-        else:
-            self.blank[int(rng.integers(KEPT))] = fresh
+        _keep(self.blank, fresh, rng)
         return fresh
+
+
+def _keep(kept: list[Sample], sample: Sample, rng: np.random.Generator) -> None:
+    """Add a sample, or put it in the place of any other one."""
+    if len(kept) < KEPT:
+        kept.append(sample)
+    else:
+        kept[int(rng.integers(KEPT))] = sample
 
 
 def collated(crops: Sequence[Bytes], targets: Sequence[ReadTarget]) -> CropBatch:
