@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from fronto.shapes import FloatArray
 
-__all__ = ["Edges", "Stations", "common_offset", "find_edges", "steps"]
+__all__ = ["Edges", "Stations", "common_offset", "find_edges", "sampled", "steps"]
 
 #: Samples across a curve, on either side of it.
 ACROSS = 12
@@ -103,19 +103,9 @@ def steps(
         stations.xy[:, :, None] + offsets[:, None, :, None] * stations.normal[:, :, None]
     ).astype(np.float32)
     curves, count, across = places.shape[:3]
-    x, y = np.ascontiguousarray(places.reshape(curves * count, across, 2).transpose(2, 0, 1))
-    parts = [
-        cv2.remap(
-            image,
-            x[k : k + MOST_ROWS],
-            y[k : k + MOST_ROWS],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        for k in range(0, len(x), MOST_ROWS)
-    ]
     channels = image.shape[2]
-    values = np.concatenate(parts).reshape(curves, count, across, channels).astype(np.float32)
+    values = sampled(image, places.reshape(curves * count, across, 2))
+    values = values.reshape(curves, count, across, channels)
     # Neighbouring stations see the same edge, with other noise; not those of other curves.
     aside = len(ALONG) // 2
     at = np.arange(-aside, count + aside)
@@ -127,6 +117,27 @@ def steps(
     change = cv2.sepFilter2D(rows, cv2.CV_32F, kernel, np.array(ALONG))
     change = change.reshape(curves, count + 2 * aside, across, channels)
     return np.asarray(change[:, aside:-aside, extra:-extra])
+
+
+def sampled(image: npt.NDArray[Any], places: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The photo at places (n, k, 2), pixels; shape (n, k, channels).
+
+    Between pixels it is interpolated linearly; beyond the border its edge pixels go on.
+    """
+    import cv2
+
+    x, y = np.ascontiguousarray(places.transpose(2, 0, 1))
+    parts = [
+        cv2.remap(
+            image,
+            x[k : k + MOST_ROWS],
+            y[k : k + MOST_ROWS],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        for k in range(0, len(x), MOST_ROWS)
+    ]
+    return np.concatenate(parts).reshape(*places.shape[:2], -1).astype(np.float32)
 
 
 def common_offset(strength: FloatArray, off: FloatArray) -> float:

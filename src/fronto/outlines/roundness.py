@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fronto.outlines.profiles import sampled
 from fronto.shapes import FloatArray
 
 __all__ = ["roundness"]
@@ -26,10 +27,8 @@ SCALES = np.linspace(0.84, 1.2, 10)
 ACROSS, ACROSS_PX = 0.04, 1.0
 #: Steps below this are none, grey levels.
 FAINT = 1.0
-#: Halvings that find where a ray leaves a quad: to 0.004 of the ellipse
+#: Halvings that find where a ray leaves a quad: to 0.004 of the ellipse.
 HALVINGS = 9
-#: OpenCV's remap takes maps of less than 32768 rows.
-MOST_ROWS = 30_000
 
 
 def roundness(
@@ -78,7 +77,11 @@ def roundness(
     if not usable.any():
         return result
     places, shift = places[usable], shift[usable]
-    step = _sampled(image, places + shift) - _sampled(image, places - shift)
+    across_it = np.stack([places + shift, places - shift]).astype(np.float32)
+    outside, inside = sampled(image, across_it.reshape(-1, RAYS, 2)).reshape(
+        *across_it.shape[:-1], -1
+    )
+    step = outside - inside
     sectors = step.reshape(*step.shape[:3], SECTORS, RAYS // SECTORS, -1).mean(axis=4)
     strength = np.linalg.norm(sectors, axis=-1).mean(axis=-1).max(axis=2) + FAINT
     best = np.stack([strength[:, 2:].max(axis=1), strength[:, 0], strength[:, 1]], axis=1)
@@ -111,22 +114,3 @@ def _reaches(
         outside = np.where(in_corner & (radius_u > 0), rounded, np.maximum(u, v) > 1)
         low, high = np.where(outside, low, middle), np.where(outside, middle, high)
     return np.concatenate([np.ones((n, 1, k)), (low + high) / 2], axis=1)
-
-
-def _sampled(image: npt.NDArray[Any], places: FloatArray) -> FloatArray:
-    """The photo at places (..., k, 2), shape (..., k, channels)."""
-    import cv2
-
-    flat = np.ascontiguousarray(places.reshape(-1, RAYS, 2).transpose(2, 0, 1), dtype=np.float32)
-    parts = [
-        cv2.remap(
-            image,
-            flat[0, k : k + MOST_ROWS],
-            flat[1, k : k + MOST_ROWS],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        for k in range(0, flat.shape[1], MOST_ROWS)
-    ]
-    values = np.concatenate(parts).astype(np.float32)
-    return np.asarray(values.reshape(*places.shape[:-1], -1))

@@ -17,8 +17,10 @@ __all__ = ["draw_lock"]
 Bytes = npt.NDArray[np.uint8]
 Image = npt.NDArray[np.float32]
 
+#: What stands around key switches.
 WORDS = ("ON", "OFF", "ON OFF", "RUN", "STOP", "LIGHT", "FAN", "FIRE", "IND SER", "VIP", "SERVICE",
          "RESET", "0 1", "AUTO", "SECURITY", "PARK", "ATT", "EMERG", "LOBBY")  # fmt: skip
+#: The colour of the hole.
 SLOT: Color = (12.0, 12.0, 14.0)
 
 
@@ -95,13 +97,13 @@ def _part(image: Image, disc: _Disc, color: Color, rng: np.random.Generator) -> 
 
 
 def _slot(image: Image, disc: _Disc, rng: np.random.Generator) -> None:
-    """The hole for the key: a slit, a keyhole, a zigzag, a wedge of shadow, or a key in it."""
+    """The hole for the key: a slit, a keyhole, a zigzag, or a wedge of shadow."""
     size = glyphs.SIZE
     mask = np.zeros((size, size), np.uint8)
     middle, turn = size / 2, rng.uniform(0, 180) if chance(rng, 0.5) else 90 * whole(rng, 0, 1)
     form = pick(rng, ("slit", "hole", "zigzag", "wedge"), (5, 2, 2, 2))
     if form == "hole":
-        mask = glyphs.symbol("keyhole").copy()
+        mask = glyphs.symbol("keyhole")
     else:
         long, wide = rng.uniform(0.2, 0.42) * size, rng.uniform(0.03, 0.1) * size
         t = np.linspace(-1, 1, 7)
