@@ -83,6 +83,16 @@ def test_what_is_clear_stays() -> None:
     assert way == "to the left"
 
 
+def test_arrows_turn_with_the_floors() -> None:
+    # Upside down, an arrow is read as the other one for sure.
+    marks = Marks([*FLOORS, "up"])
+    crops = marks.crops(2)
+    readings = [*marks.read(crops)[:5], Reading("down", "down", 0.99)]
+    found, way = upright_readings(marks.read, crops, readings)
+    assert way == "upside down"
+    assert found[5].text == "up"
+
+
 def test_signs_do_not_turn_a_panel() -> None:
     crops = np.zeros((4, 48, 48, 3), np.uint8)
 

@@ -24,6 +24,8 @@ SURE = 0.8
 ENOUGH, FEW = 0.3, 3
 #: What is seen where there is no label, whichever way it is turned.
 EMPTY = ("blank", "other")
+#: What means something else when it is turned.
+ARROWS = ("up", "down")
 #: Turned, this share of the labels has to be sure, of so many different ones, and this many times
 #: as many and two more than upright: what is seen from aside sometimes looks like something.
 SHARE, DIFFERENT, TIMES = 0.4, 3, 2
@@ -61,8 +63,10 @@ def upright_readings(
         return readings, ""
     found = list(readings)
     for k, reading in zip(labels, turned[turn], strict=True):
-        # Door symbols are upright beside turned floors, and a turned 4 looks like an arrow.
-        if found[k].confidence < SURE or (reading.kind == "text" and reading.confidence >= SURE):
+        # Door symbols are upright beside turned floors; but what turned ones show of an arrow
+        # points elsewhere, and a turned 4 looks like one.
+        text = reading.kind == "text" and reading.confidence >= SURE
+        if text or found[k].kind in ARROWS or found[k].confidence < SURE:
             found[k] = reading
     return found, WAYS[turn]
 
