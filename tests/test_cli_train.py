@@ -1,4 +1,4 @@
-"""`fronto train`, `fronto export` and `fronto curves`."""
+"""`fronto train`, `fronto relations`, `fronto export` and `fronto curves`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,14 @@ def options(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", [["train", "-o", "run"], ["export", "run", "-o", "out"]])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["train", "-o", "run"],
+        ["export", "run", "-o", "out"],
+        ["relations", "-o", "run", "-d", "out"],
+    ],
+)
 def test_without_torch_it_says_what_to_install(
     command: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,6 +145,38 @@ def test_export_refuses(tmp_path: Path) -> None:
     bad.write_bytes(b"no checkpoint")
     refused(run("export", bad, "-o", tmp_path / "out"), bad)
     refused(run("export", bad, "-o", tmp_path / "out", "--name", "a/b"), "--name")
+
+
+@needs_torch
+def test_a_relation_head_for_the_packaged_network(data: Path, tmp_path: Path) -> None:
+    from fronto.engine import Engine, RelationEngine, find_weights
+
+    weights = tmp_path / find_weights().name
+    weights.write_bytes(find_weights().read_bytes())
+    assert Engine(weights).relations is None
+    common = ["relations", data, "-o", tmp_path / "run", "--batch", 2, "--quiet"]
+    common += ["--renders", 0, "--pictures", 3, "--steps", 2]
+    result = run(*common, "--weights", weights, "--license", "MIT", "--data", "two photos")
+    assert result.exit_code == 0, result.output
+    head = Engine(weights).relations
+    assert isinstance(head, RelationEngine)
+    assert head.metadata["license"] == "MIT"
+    assert head.metadata["training_data"] == "two photos"
+    noted = json.loads((tmp_path / "run" / "options.json").read_bytes())
+    assert (noted["pictures"], noted["fit"]["steps"]) == (3, 2)
+
+
+@needs_torch
+def test_relations_refuses(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    common = ["relations", data, "-o", out, "--steps", 1, "--pictures", 1]
+    refused(run(*common), "--weights")
+    refused(run(*common, "--weights", tmp_path / "none.onnx"), "none.onnx")
+    common += ["-d", tmp_path]
+    refused(run(*common, "--val", tmp_path / "nowhere"), "nowhere")
+    refused(run("relations", tmp_path / "no data", "-o", out, "-d", tmp_path), "no data")
+    refused(run("relations", "-o", out, "-d", tmp_path, "--renders", 0.5), "DATA")
+    assert not out.exists()
 
 
 def metrics(folder: Path, text: str) -> Path:

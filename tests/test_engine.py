@@ -9,72 +9,14 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from onnx import TensorProto, helper
+from onnx import TensorProto
 
 import fronto
 from fronto import InputError
 from fronto.categories import CATEGORIES
 from fronto.cores import usable_cores
 from fronto.engine import FORMAT, Engine, find_weights
-
-CLASSES = ("background", "up", "plate")
-METADATA = {
-    "format": FORMAT,
-    "classes": ",".join(CLASSES),
-    "stride": "4",
-    "multiple": "16",
-    "version": "0.7.1",
-}
-
-
-def network(
-    *,
-    metadata=METADATA,
-    stride=4,
-    image=(TensorProto.UINT8, ["n", "h", "w", 3]),
-    names=None,
-    channels=None,
-    extra_input=False,
-):
-    """A file whose masks are the red and green of its input and whose cells are their means."""
-    names = {"image": "image", **(names or {})}
-    channels = {"masks": 2, "classes": 3, "centers": 2, "sides": 4, **(channels or {})}
-    nodes = [
-        helper.make_node("Cast", ["image"], ["bytes"], to=TensorProto.FLOAT),
-        helper.make_node("Mul", ["bytes", "factor"], ["values"]),
-        helper.make_node("Transpose", ["values"], ["x"], perm=[0, 3, 1, 2]),
-        helper.make_node("Slice", ["x", "zero", "two", "axis"], ["masks"]),
-        helper.make_node(
-            "AveragePool", ["x"], ["classes"], kernel_shape=[stride] * 2, strides=[stride] * 2
-        ),
-        helper.make_node("Slice", ["classes", "zero", "two", "axis"], ["centers"]),
-        helper.make_node("Concat", ["centers", "centers"], ["sides"], axis=1),
-    ]
-    constants = [
-        helper.make_tensor("factor", TensorProto.FLOAT, [], [1 / 255]),
-        helper.make_tensor("zero", TensorProto.INT64, [1], [0]),
-        helper.make_tensor("two", TensorProto.INT64, [1], [2]),
-        helper.make_tensor("axis", TensorProto.INT64, [1], [1]),
-    ]
-    for node in nodes:
-        for values in (node.input, node.output):
-            values[:] = [names.get(value, value) for value in values]
-    inputs = [helper.make_tensor_value_info(names["image"], *image)]
-    if extra_input:
-        inputs.append(helper.make_tensor_value_info("scale", TensorProto.FLOAT, [1]))
-    outputs = [
-        helper.make_tensor_value_info(
-            names.get(name, name), TensorProto.FLOAT, ["n", count, f"{name}_h", f"{name}_w"]
-        )
-        for name, count in channels.items()
-        if count != 0
-    ]
-    graph = helper.make_graph(nodes, "test", inputs, outputs, constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
-    for key, value in metadata.items():
-        entry = model.metadata_props.add()
-        entry.key, entry.value = key, value
-    return model.SerializeToString()
+from onnxfiles import CLASSES, METADATA, network
 
 
 @pytest.fixture
@@ -129,7 +71,7 @@ def test_takes_any_size_and_any_memory_layout(engine):
 
 def test_tells_what_is_in_the_file(engine, write):
     assert engine.classes == CLASSES
-    assert (engine.stride, engine.multiple) == (4, 16)
+    assert (engine.stride, engine.multiple, engine.channels) == (4, 16, 3)
     assert engine.metadata["version"] == "0.7.1"
     assert engine.path.name == "mine.onnx"
     with pytest.raises(TypeError):
@@ -207,7 +149,7 @@ class TestBadFiles:
     def test_onnx_of_something_else(self, write):
         assert FORMAT in refusal(lambda: Engine(write(metadata={"author": "me"})))
 
-    @pytest.mark.parametrize(("version", "word"), [("2", "newer"), ("0", "older"), ("12", "newer")])
+    @pytest.mark.parametrize(("version", "word"), [("3", "newer"), ("1", "older"), ("12", "newer")])
     def test_other_format_says_which_fronto(self, write, version, word):
         metadata = METADATA | {"format": f"fronto.segmentation/{version}"}
         message = refusal(lambda: Engine(write(metadata=metadata)))
@@ -226,6 +168,8 @@ class TestBadFiles:
             {"multiple": "18"},
             {"classes": ""},
             {"classes": "background,up"},
+            {"channels": "many"},
+            {"channels": "4"},
         ],
         ids=str,
     )
@@ -242,6 +186,7 @@ class TestBadFiles:
             ("image", {"image": (TensorProto.UINT8, ["n", "h", "w", 4])}),
             ("masks", {"names": {"masks": "probabilities"}}),
             ("sides", {"channels": {"sides": 0}}),
+            ("features", {"channels": {"features": 0}}),
         ],
     )
     def test_wrong_inputs_and_outputs(self, write, name, options):

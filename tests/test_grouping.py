@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fronto.grouping import Instance, group, overlaps
+from fronto.grouping import Instance, distinct, group, overlaps
 
 STRIDE = 4
 Maps = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]
@@ -90,6 +90,24 @@ def test_two_peaks_of_one_button_are_one() -> None:
     centers, sides, scores = _maps([(20.0, 20.0, 120.0, 100.0)])
     centers[0, 13, 15], centers[0, 17, 19] = 0.97, 0.99
     assert len(group(centers, sides, scores, STRIDE)) == 1
+
+
+def test_weaker_centres_are_found_where_they_are_asked_for() -> None:
+    centers, sides, scores = _maps([(20.0, 20.0, 50.0, 50.0), (100.0, 60.0, 140.0, 100.0)])
+    centers[:, :, :20] *= 0.2
+    assert len(group(centers, sides, scores, STRIDE)) == 1
+    weak = group(centers, sides, scores, STRIDE, least=0.15)
+    assert [round(f.box[0]) for f in weak] == [100, 20]
+    assert group(centers, sides, scores, STRIDE, least=0.995) == []
+
+
+def test_of_boxes_on_one_thing_the_first_is_kept() -> None:
+    boxes = np.array([[x, 0.0, x + 20.0, 20.0] for x in (0, 30, 3, 9)])
+    assert distinct(boxes) == [0, 1, 3]
+    assert distinct(boxes[::-1]) == [0, 2, 3]  # the last hides the third, not the first
+    assert distinct(boxes, same=0.3) == [0, 1]
+    assert distinct(boxes, same=0.8) == [0, 1, 2, 3]
+    assert distinct(boxes[:0]) == []
 
 
 def test_overlaps_of_known_boxes() -> None:

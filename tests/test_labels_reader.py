@@ -254,7 +254,7 @@ class TestEngine:
         ("change", "word"),
         [
             ({"format": "fronto.labels/2"}, "newer fronto"),
-            ({"format": "fronto.segmentation/1"}, FORMAT),
+            ({"format": "fronto.segmentation/2"}, FORMAT),
             ({"alphabet": ""}, "alphabet"),
             ({"alphabet": "AA" + ALPHABET[2:]}, "alphabet"),
             ({"alphabet": ALPHABET[1:]}, "text"),
@@ -293,7 +293,7 @@ class TestEngine:
 
     def test_one_network_is_not_taken_for_the_other(self, write):
         message = refusal(lambda: Engine(write()))
-        assert "fronto.segmentation/1" in message
+        assert "fronto.segmentation/2" in message
         assert FORMAT in message
 
     def test_damaged_copy(self, write):

@@ -11,16 +11,31 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fronto.categories import CATEGORIES
-from fronto.engine import Maps
+from fronto.engine import Maps, Verdicts
 from fronto.errors import InputError
+from fronto.relations import Candidates
 from fronto.segmentation import _owned, segment
 from fronto.segments import Segment, Segments
+
+
+class AllAlike:
+    """A relation head to which all but the odd one out are buttons."""
+
+    def run(self, candidates: Candidates) -> Verdicts:
+        n = len(candidates.looks)
+        odd = np.abs(candidates.geometry[:, 2]) > 0.5
+        kinds = np.where(odd[:, None], [0.96, 0.03, 0.01], [0.2, 0.75, 0.05])
+        classes = np.eye(11)[np.full(n, CATEGORIES.index("number"))]
+        return Verdicts(
+            kinds.astype(np.float32), classes.astype(np.float32), np.zeros((n, 4), np.float32)
+        )
 
 
 @dataclass
 class Oracle:
     """Takes bright things for buttons: boxes are those of bright pieces in what it is shown."""
 
+    relations: AllAlike | None = None
     stride: int = 4
     shapes: list[tuple[int, ...]] = field(default_factory=list)
 
@@ -48,7 +63,8 @@ class Oracle:
             j, i = round(((x0 + x1) / 2 - 1.5) / 4), round(((y0 + y1) / 2 - 1.5) / 4)
             centers[0, 0, min(max(i, 0), h - 1), min(max(j, 0), w - 1)] = 0.9
         masks = np.stack([bright, np.zeros_like(bright)])[None]
-        return Maps(masks=masks, classes=classes, centers=centers, sides=sides)
+        features = None if self.relations is None else np.zeros((1, 3, h, w), np.float32)
+        return Maps(masks, classes, centers, sides, features)
 
 
 def _photo(
@@ -117,6 +133,16 @@ def test_what_is_not_sure_enough_is_left_out() -> None:
     assert len(_run(photo, min_confidence=0.91)) == 0
     with pytest.raises(InputError, match="min_confidence"):
         _run(photo, min_confidence=1.5)
+
+
+def test_a_relation_head_has_the_last_word() -> None:
+    keys = [(100 + 80 * k, 50, 140 + 80 * k, 90) for k in range(4)]
+    photo = _photo([*keys, (100, 200, 240, 340)])
+    alone = segment(photo, engine=Oracle())  # type: ignore[arg-type]
+    assert len(alone) == 5
+    together = segment(photo, engine=Oracle(AllAlike()))  # type: ignore[arg-type]
+    assert sorted(s.box_px[0] for s in together) == [x - 0.5 for x, *_ in keys]
+    assert {(s.category, round(s.confidence, 3)) for s in together} == {("number", 0.75)}
 
 
 def test_nothing_is_an_answer() -> None:

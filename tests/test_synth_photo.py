@@ -18,6 +18,7 @@ from fronto.shapes import FloatArray
 from fronto.synth.photo import PanelPhoto, PhotoObject, render_photo
 from fronto.synth.photo.buttons import Wardrobe
 from fronto.synth.photo.forms import Form, contour, signed_distance
+from fronto.synth.photo.layout import random_plan
 from fronto.synth.photo.plan import PLATE_STYLE, Element, Label, Plan
 from fronto.synth.photo.render import composed, draw_plans
 from fronto.synth.photo.style import PLAIN, PlateStyle
@@ -265,6 +266,19 @@ def test_plates_are_beside_buttons_of_their_text(photos: list[PanelPhoto]) -> No
             assert touches(item, photo)
             plates += 1
     assert plates > 50
+
+
+def test_twins_are_plates_of_their_buttons_form() -> None:
+    paired = 0
+    for seed in range(12):
+        elements = random_plan(np.random.default_rng(seed), twins=True).elements
+        plates = [e for e in elements if e.category == PLATE]
+        buttons = [e for e in elements if e.category != PLATE]
+        for plate in plates:
+            nearest = min(buttons, key=lambda e: np.hypot(e.x - plate.x, e.y - plate.y))
+            assert nearest.form == plate.form
+            paired += 1
+    assert paired > 50
 
 
 def test_nothing_lies_on_anything_else() -> None:

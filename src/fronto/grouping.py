@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from fronto.shapes import FloatArray
 
-__all__ = ["Instance", "group", "overlaps"]
+__all__ = ["Instance", "distinct", "group", "overlaps"]
 
 #: Least probability of a centre that is looked at: weaker ones are nearly all false.
 LEAST_CENTER = 0.30
@@ -47,13 +47,13 @@ class Instance:
 
 
 def _peaks(
-    centers: npt.NDArray[np.float32],
+    centers: npt.NDArray[np.float32], least: float
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows and columns of local maxima of one map (h, w), highest first."""
+    """Rows and columns of local maxima of one map (h, w) above the least, highest first."""
     import cv2
 
     highest = cv2.dilate(centers, np.ones((3, 3), np.uint8))
-    rows, columns = np.nonzero((centers >= highest) & (centers > LEAST_CENTER))
+    rows, columns = np.nonzero((centers >= highest) & (centers > least))
     order = np.argsort(-centers[rows, columns], kind="stable")[:MAX_INSTANCES]
     return rows[order], columns[order]
 
@@ -74,11 +74,22 @@ def overlaps(box: FloatArray, boxes: FloatArray) -> FloatArray:
     return np.asarray(shared / np.maximum(area + areas - shared, 1e-9))
 
 
+def distinct(boxes: FloatArray, same: float = SAME) -> list[int]:
+    """Which of the boxes (n, 4) to keep: each one that overlaps no earlier one by this much."""
+    kept: list[int] = []
+    for k in range(len(boxes)):
+        if not kept or overlaps(boxes[k], boxes[kept]).max() < same:
+            kept.append(k)
+    return kept
+
+
 def group(
     centers: npt.NDArray[np.float32],
     sides: npt.NDArray[np.float32],
     classes: npt.NDArray[np.float32],
     stride: int,
+    *,
+    least: float = LEAST_CENTER,
 ) -> list[Instance]:
     """Find the instances of one picture.
 
@@ -89,6 +100,8 @@ def group(
         probabilities and pixels.
     stride
         Pixels per cell.
+    least
+        Probability of a centre that is looked at.
 
     Returns
     -------
@@ -97,17 +110,13 @@ def group(
     found: list[Instance] = []
     offset = (stride - 1) / 2
     for plane in (0, 1):
-        rows, columns = _peaks(centers[plane])
+        rows, columns = _peaks(centers[plane], least)
         if len(rows) == 0:
             continue
         x, y = columns * stride + offset, rows * stride + offset
         boxes = _boxes(sides[:, rows, columns].astype(np.float64), x, y)
         scores = centers[plane, rows, columns]
-        kept: list[int] = []
-        for k in range(len(rows)):
-            if not kept or overlaps(boxes[k], boxes[kept]).max() < SAME:
-                kept.append(k)
-        for k in kept:
+        for k in distinct(boxes):
             box, mean = _pooled(boxes[k], sides, classes, stride)
             found.append(
                 Instance(

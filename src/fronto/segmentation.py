@@ -14,8 +14,9 @@ import numpy.typing as npt
 from fronto.categories import CATEGORIES, PLATE
 from fronto.engine import Engine, Maps
 from fronto.errors import InputError
-from fronto.grouping import Instance, group, overlaps
+from fronto.grouping import Instance, overlaps
 from fronto.images import as_rgb
+from fronto.judging import instances
 from fronto.scales import View, first_looks, second_scale, tiles
 from fronto.segments import Segment, Segments
 from fronto.shapes import FloatArray
@@ -65,7 +66,7 @@ def segment(
     engine
         Weights and threads; None: `default_engine`.
     min_confidence
-        What is less sure than this, 0 to 1, is left out; below 0.3 it leaves out no less.
+        What is less sure than this, 0 to 1, is left out.
     second_look
         Whether small buttons are looked at again.
     order
@@ -127,13 +128,13 @@ def _look(
         started = time.perf_counter()
         maps = engine.run(view.image[None])
         seconds += time.perf_counter() - started
-        finds += _finds(maps, view, engine.stride, shape)
+        finds += _finds(engine, maps, view, shape)
     return finds, seconds
 
 
-def _finds(maps: Maps, view: View, stride: int, shape: tuple[int, ...]) -> list[_Find]:
+def _finds(engine: Engine, maps: Maps, view: View, shape: tuple[int, ...]) -> list[_Find]:
     finds = []
-    for instance in group(maps.centers[0], maps.sides[0], maps.classes[0], stride):
+    for instance in instances(engine, maps, view.image.shape[:2]):
         box = view.to_photo(np.array(instance.box).reshape(2, 2))
         mask = maps.masks[0, int(instance.plate)]
         confidence, category = _verdict(instance)

@@ -44,8 +44,12 @@ def test_parity_at_any_batch_and_size(
     network: Network, exported: Path, shape: tuple[int, int, int]
 ) -> None:
     images = np.random.default_rng(0).integers(0, 256, (*shape, 3), dtype=np.uint8)
-    found = Engine(exported, threads=1).run(images)
+    found = Engine(exported, threads=1).run(images, features=True)
     expected = TorchEngine(network).run(images)
+    with torch.no_grad():
+        features = network(torch.from_numpy(images).permute(0, 3, 1, 2) / 255).features
+    assert features.std() > 0
+    assert np.abs(found.features - features.numpy()).max() <= 1e-4
     for name in ("masks", "classes", "centers", "sides"):
         ours, theirs = getattr(found, name), getattr(expected, name)
         assert ours.shape == theirs.shape
@@ -64,9 +68,9 @@ def test_probabilities(network: Network, exported: Path) -> None:
 
 def test_metadata(exported: Path) -> None:
     metadata = Engine(exported, threads=1).metadata
-    assert metadata["format"] == "fronto.segmentation/1"
+    assert metadata["format"] == "fronto.segmentation/2"
     assert metadata["classes"].split(",") == list(CATEGORIES)
-    assert (metadata["stride"], metadata["multiple"]) == ("4", "16")
+    assert (metadata["stride"], metadata["multiple"], metadata["channels"]) == ("4", "16", "12")
     assert json.loads(metadata["network"])["decoder"] == 12
     assert {name: metadata[name] for name in METADATA} == METADATA
 

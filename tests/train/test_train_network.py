@@ -31,6 +31,7 @@ def test_shapes(network: Network, height: int, width: int, number: int) -> None:
     assert maps.classes.shape == (number, len(CATEGORIES), *cells)
     assert maps.centers.shape == (number, 2, *cells)
     assert maps.sides.shape == (number, 4, *cells)
+    assert maps.features.shape == (number, SMALL.decoder, *cells)
     assert (maps.sides > 0).all()
 
 

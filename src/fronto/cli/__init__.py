@@ -26,6 +26,7 @@ COMMANDS = (
     "camera",
     "train",
     "export",
+    "relations",
     "evaluate",
     "render",
     "curves",

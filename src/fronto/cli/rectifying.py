@@ -132,11 +132,12 @@ class Settings:
             The photo's depth image, where there is one.
         """
         from fronto._version import __version__
-        from fronto.engine import find_weights
+        from fronto.engine import find_companion, find_weights
         from fronto.labels.name import packaged_reader
 
-        files = [outlines or self.weights or find_weights(), self.template_file, self.source.file]
-        files.append(depth)
+        weights = self.weights or find_weights()
+        files = [outlines or weights, None if outlines else find_companion(weights)]
+        files += [self.template_file, self.source.file, depth]
         reader = packaged_reader(self.threads) if self.options.read_labels else None
         files.append(None if reader is None else reader.engine.path)
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]

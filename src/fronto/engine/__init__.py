@@ -2,6 +2,17 @@
 
 from fronto.engine.onnxfile import find_weights
 from fronto.engine.reader import LabelScores, ReaderEngine
+from fronto.engine.relations import RelationEngine, Verdicts, find_companion
 from fronto.engine.segmentation import FORMAT, Engine, Maps
 
-__all__ = ["FORMAT", "Engine", "LabelScores", "Maps", "ReaderEngine", "find_weights"]
+__all__ = [
+    "FORMAT",
+    "Engine",
+    "LabelScores",
+    "Maps",
+    "ReaderEngine",
+    "RelationEngine",
+    "Verdicts",
+    "find_companion",
+    "find_weights",
+]

@@ -19,7 +19,7 @@ from fronto.cores import usable_cores
 from fronto.errors import InputError
 from fronto.files import read_bytes
 
-__all__ = ["OnnxFile", "Sizes", "checked_bytes", "find_weights"]
+__all__ = ["FLOATS", "OnnxFile", "Sizes", "checked_bytes", "find_weights"]
 
 #: Far above any network that would be usable on a processor; ONNX itself ends at 2 GB.
 MAX_BYTES = 1_000_000_000
@@ -42,7 +42,7 @@ class OnnxFile:
     path
         The file. Where its name ends in eight hexadecimal digits, they must begin its SHA-256.
     form
-        The format that it must state, such as ``fronto.segmentation/1``.
+        The format that it must state, such as ``fronto.segmentation/2``.
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -64,6 +64,8 @@ class OnnxFile:
         What is written in the file.
     threads
         As given or counted.
+    digest
+        First eight hexadecimal digits of its SHA-256.
     """
 
     def __init__(
@@ -73,7 +75,8 @@ class OnnxFile:
         self.threads = usable_cores() if threads is None else _check_threads(threads)
         self.thing = f"weights {path}"
         content = read_bytes(path, self.thing, MAX_BYTES)
-        _check_hash(content, path.name, self.thing)
+        self.digest = hashlib.sha256(content).hexdigest()[:8]
+        _check_hash(self.digest, path.name, self.thing)
         self._session = _session(content, self.threads, _providers(providers), self.thing)
         self.metadata: Mapping[str, str] = MappingProxyType(
             dict(self._session.get_modelmeta().custom_metadata_map)
@@ -101,8 +104,10 @@ class OnnxFile:
         """Names of the metadata, which are written with commas in between."""
         return tuple(filter(None, self.metadata.get(key, "").split(",")))
 
-    def check_signature(self, inputs: Mapping[str, Sizes], outputs: Mapping[str, Sizes]) -> None:
-        """Check names, types and sizes: of bytes going in and floats coming out.
+    def check_signature(
+        self, inputs: Mapping[str, Sizes], outputs: Mapping[str, Sizes], takes: str = BYTES
+    ) -> None:
+        """Check names, types and sizes: of bytes going in, or what it `takes`; floats come out.
 
         Raises
         ------
@@ -110,7 +115,7 @@ class OnnxFile:
             Naming the first that is another one.
         """
         for kind, type_of, wanted, values in (
-            ("inputs", BYTES, inputs, self._session.get_inputs()),
+            ("inputs", takes, inputs, self._session.get_inputs()),
             ("outputs", FLOATS, outputs, self._session.get_outputs()),
         ):
             found = {value.name: value for value in values}
@@ -132,16 +137,14 @@ class OnnxFile:
                     )
 
     def run(
-        self, name: str, images: npt.NDArray[np.uint8], outputs: Mapping[str, Sizes], remedy: str
+        self, inputs: Mapping[str, npt.NDArray[Any]], outputs: Mapping[str, Sizes], remedy: str
     ) -> list[npt.NDArray[np.float32]]:
-        """Run the network on its one input.
+        """Run the network.
 
         Parameters
         ----------
-        name
-            Of the input.
-        images
-            What goes in, uint8.
+        inputs
+            What goes in, by name.
         outputs
             Names of the outputs and the shapes that they must have.
         remedy
@@ -157,12 +160,14 @@ class OnnxFile:
             If it does not run on them, or an output has another shape.
         """
         try:
-            found = self._session.run(list(outputs), {name: np.ascontiguousarray(images)})
+            found = self._session.run(
+                list(outputs), {name: np.ascontiguousarray(v) for name, v in inputs.items()}
+            )
         except Exception as error:  # ONNX Runtime's own types, which are not public
+            given = ", ".join(f"{name} of shape {v.shape}" for name, v in inputs.items())
             raise InputError(
                 self.thing,
-                f"expected a network that runs on {name} of shape {images.shape}, "
-                f"got: {_reason(error)}",
+                f"expected a network that runs on {given}, got: {_reason(error)}",
                 remedy,
             ) from None
         for (output, shape), values in zip(outputs.items(), found, strict=True):
@@ -221,7 +226,8 @@ def find_weights(folder: Traversable | None = None, *, stem: str = "fronto-seg")
     folder = files("fronto") / "weights" if folder is None else folder
     found = sorted(str(f) for f in folder.iterdir()) if folder.is_dir() else []
     found = [name for name in found if name.endswith(".onnx")]
-    fitting = [name for name in found if Path(name).name.startswith(f"{stem}-")]
+    whole = re.compile(rf"{re.escape(stem)}-[^.]*\.onnx")  # a relation head's name has two dots
+    fitting = [name for name in found if whole.fullmatch(Path(name).name)]
     if len(fitting) != 1:
         names = ", ".join(Path(name).name for name in fitting or found) or "none"
         raise InputError(
@@ -244,12 +250,9 @@ def _check_threads(threads: int) -> int:
     return threads
 
 
-def _check_hash(content: bytes, name: str, thing: str) -> None:
+def _check_hash(found: str, name: str, thing: str) -> None:
     expected = HASHED.search(name)
-    if expected is None:
-        return
-    found = hashlib.sha256(content).hexdigest()[:8]
-    if found != expected[1]:
+    if expected is not None and found != expected[1]:
         raise InputError(
             thing,
             f"expected the SHA-256 in its name, {expected[1]}, got {found}: a damaged copy",

@@ -123,7 +123,7 @@ class ReaderEngine:
             crops, (None, CROP_PX, CROP_PX, 3), "crops", f"(N, {CROP_PX}, {CROP_PX}, 3)"
         )
         shapes = {"text": (n, None, 1 + len(self.alphabet)), "kind": (n, len(self.kinds))}
-        outputs = self._file.run("crops", crops, shapes, "give fewer crops at a time")
+        outputs = self._file.run({"crops": crops}, shapes, "give fewer crops at a time")
         for name, values in zip(shapes, outputs, strict=True):
             off = np.abs(values.sum(axis=-1) - 1)
             if not (values.min(initial=0) >= 0 and off.max(initial=0) <= SUM_TOLERANCE):

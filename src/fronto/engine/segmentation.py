@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
+from fronto.engine.relations import RelationEngine, find_companion
 from fronto.errors import InputError
 
 __all__ = ["FORMAT", "Engine", "Maps"]
 
 #: What the file's inputs and outputs mean; written into it by `fronto.train.export`.
-FORMAT = "fronto.segmentation/1"
+FORMAT = "fronto.segmentation/2"
 
 FloatMaps = npt.NDArray[np.float32]
 
@@ -38,12 +39,16 @@ class Maps:
     sides
         Shape (N, 4, h, w): pixels from the cell's centre to the left, top, right and bottom
         of the box around its button.
+    features
+        Shape (N, C, h, w): what the decoder tells all these from; None where there is no
+        relation head to take them, and nobody asked.
     """
 
     masks: FloatMaps
     classes: FloatMaps
     centers: FloatMaps
     sides: FloatMaps
+    features: FloatMaps | None = None
 
 
 class Engine:
@@ -58,7 +63,8 @@ class Engine:
     path
         The ONNX file, as ``fronto export`` writes it; None: the one in the package. Where
         its name ends in eight hexadecimal digits (``fronto-seg-1a2b3c4d.onnx``), they must
-        begin its SHA-256.
+        begin its SHA-256. The relation head that lies beside it
+        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``) is used, where there is one.
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -75,24 +81,33 @@ class Engine:
     ----------
     path
         The file.
+    digest
+        First eight hexadecimal digits of the file's SHA-256.
     metadata
         What is written in the file: version, license, training_data, ...
     classes
         Names of the channels of `Maps.classes`.
     stride
         Pixels of a cell.
+    channels
+        Of `Maps.features`.
     multiple
         Height and width of a picture must be multiples of this.
     threads
         As given or counted.
+    relations
+        The relation head; None where there is none.
     """
 
     path: Path
+    digest: str
     metadata: Mapping[str, str]
     classes: tuple[str, ...]
     stride: int
+    channels: int
     multiple: int
     threads: int
+    relations: RelationEngine | None
 
     def __init__(
         self,
@@ -103,6 +118,7 @@ class Engine:
     ) -> None:
         file = OnnxFile(find_weights() if path is None else Path(path), FORMAT, threads, providers)
         self.path, self.metadata, self.threads = file.path, file.metadata, file.threads
+        self.digest = file.digest
         self.classes = file.names("classes")
         self.stride, self.multiple = file.whole("stride"), file.whole("multiple")
         if self.multiple % self.stride or not self.classes:
@@ -113,19 +129,36 @@ class Engine:
                 "export it again",
             )
         self._channels = {"masks": 2, "classes": len(self.classes), "centers": 2, "sides": 4}
+        self.channels = file.whole("channels")
         file.check_signature(
             {"image": (None, None, None, 3)},
-            {name: (None, count, None, None) for name, count in self._channels.items()},
+            {
+                name: (None, count, None, None)
+                for name, count in (*self._channels.items(), ("features", self.channels))
+            },
         )
+        companion = find_companion(file.path)
+        self.relations = None
+        if companion is not None:
+            self.relations = RelationEngine(
+                companion,
+                network=file.digest,
+                channels=self.channels,
+                classes=len(self.classes),
+                threads=threads,
+                providers=providers,
+            )
         self._file = file
 
-    def run(self, images: npt.NDArray[np.uint8]) -> Maps:
+    def run(self, images: npt.NDArray[np.uint8], *, features: bool | None = None) -> Maps:
         """Run the network.
 
         Parameters
         ----------
         images
             Shape (N, H, W, 3), uint8, RGB; H and W multiples of `multiple`.
+        features
+            Whether the decoder's features are given, too; None: if there is a relation head.
 
         Returns
         -------
@@ -145,9 +178,12 @@ class Engine:
                 "pad them (fronto.scales does)",
             )
         small = (height // self.stride, width // self.stride)
+        channels = dict(self._channels)
+        if features or (features is None and self.relations is not None):
+            channels["features"] = self.channels
         shapes = {
-            name: (n, channels, *((height, width) if name == "masks" else small))
-            for name, channels in self._channels.items()
+            name: (n, count, *((height, width) if name == "masks" else small))
+            for name, count in channels.items()
         }
         remedy = "give fewer or smaller pictures, or the network of the package"
-        return Maps(*self._file.run("image", images, shapes, remedy))
+        return Maps(*self._file.run({"image": images}, shapes, remedy))

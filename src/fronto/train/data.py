@@ -23,7 +23,16 @@ from fronto.shapes import FloatArray
 from fronto.train.losses import Batch
 from fronto.train.targets import Target, draw_targets
 
-__all__ = ["Photos", "Renders", "Sample", "Source", "batches", "cut_out", "disturb"]
+__all__ = [
+    "Photos",
+    "Renders",
+    "Sample",
+    "Source",
+    "batches",
+    "compressed",
+    "cut_out",
+    "disturb",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +102,12 @@ class Renders:
     ----------
     reuse
         How often each render is used, with other cuts and disturbances, on average.
+    twins
+        Share of the renders whose plates look like the buttons beside them.
     """
 
-    def __init__(self, reuse: int = 4) -> None:
-        self.reuse = reuse
+    def __init__(self, reuse: int = 4, twins: float = 0.0) -> None:
+        self.reuse, self.twins = reuse, twins
         self.latest: list[Sample] = []
 
     def draw(self, rng: np.random.Generator) -> Sample:
@@ -108,11 +119,10 @@ class Renders:
             return self.latest[-1]
         return self.latest[int(rng.integers(len(self.latest)))]
 
-    @staticmethod
-    def _render(rng: np.random.Generator) -> Sample:
+    def _render(self, rng: np.random.Generator) -> Sample:
         from fronto.synth.photo import render_photo
 
-        photo = render_photo(rng)
+        photo = render_photo(rng, twins=self.twins > 0 and rng.random() < self.twins)
         objects = tuple(Target(o.category, o.polygon_px, exact=True) for o in photo.objects)
         return Sample(photo.image, objects)
 
@@ -206,7 +216,7 @@ def disturb() -> nn.Module:
     )
 
 
-def _compressed(image: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def compressed(image: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """As JPEG leaves it; kornia's takes fifty times as long on a CPU."""
     quality = int(rng.integers(25, 91))
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -241,7 +251,7 @@ class _Samples(IterableDataset[Batch]):
             source = self.sources[int(rng.choice(len(self.sources), p=self.share))]
             cut = cut_out(source.draw(rng), self.size, rng)
             compress = rng.random() < COMPRESSED
-            images.append(_compressed(cut.image, rng) if compress else cut.image)
+            images.append(compressed(cut.image, rng) if compress else cut.image)
             targets.append(draw_targets(cut.objects, self.size, self.size))
         image = torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2).float().div_(255)
         parts = {

@@ -22,7 +22,7 @@ from fronto.train.onnxwriter import write_onnx
 
 __all__ = ["export_onnx", "load_onnx"]
 
-FORMAT = "fronto.segmentation/1"
+FORMAT = "fronto.segmentation/2"
 #: Height and width must be multiples of this.
 MULTIPLE = 16
 
@@ -34,14 +34,16 @@ class _Deployed(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         x = image.permute(0, 3, 1, 2).to(torch.float32) * (1 / 255)
         maps = self.network(x)
+        assert maps.features is not None
         return (
             torch.sigmoid(maps.masks),
             torch.softmax(maps.classes, dim=1),
             torch.sigmoid(maps.centers),
             maps.sides,
+            maps.features,
         )
 
 
@@ -50,7 +52,8 @@ def export_onnx(network: Network, directory: Path, name: str, metadata: Mapping[
 
     Input ``image``: (N, H, W, 3) uint8, RGB, H and W multiples of 16. Outputs as
     `fronto.train.network.Maps`, as probabilities: ``masks`` (N, 2, H, W), ``classes``
-    (N, 11, h, w), ``centers`` (N, 2, h, w), and ``sides`` (N, 4, h, w) in pixels.
+    (N, 11, h, w), ``centers`` (N, 2, h, w), ``sides`` (N, 4, h, w) in pixels, and
+    ``features`` (N, C, h, w).
 
     Parameters
     ----------
@@ -70,10 +73,10 @@ def export_onnx(network: Network, directory: Path, name: str, metadata: Mapping[
     batch, rows, columns = (torch.export.Dim(n, min=1) for n in ("batch", "rows", "columns"))
     return write_onnx(
         _Deployed(network).eval(),
-        torch.zeros(2, 96, 128, 3, dtype=torch.uint8),
+        [torch.zeros(2, 96, 128, 3, dtype=torch.uint8)],
         inputs=["image"],
-        outputs=["masks", "classes", "centers", "sides"],
-        dynamic={0: batch, 1: MULTIPLE * rows, 2: MULTIPLE * columns},
+        outputs=["masks", "classes", "centers", "sides", "features"],
+        dynamic=[{0: batch, 1: MULTIPLE * rows, 2: MULTIPLE * columns}],
         metadata={
             "format": FORMAT,
             "classes": ",".join(CATEGORIES),
@@ -81,6 +84,7 @@ def export_onnx(network: Network, directory: Path, name: str, metadata: Mapping[
             "std": "255,255,255",
             "stride": str(STRIDE),
             "multiple": str(MULTIPLE),
+            "channels": str(network.options.decoder),
             "network": msgspec.json.encode(asdict(network.options)).decode(),
             **metadata,
         },

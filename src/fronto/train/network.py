@@ -86,12 +86,16 @@ class Maps(NamedTuple):
     sides
         (N, 4, h, w): distance from the cell's centre to the left, top, right and bottom
         of the button's box, pixels; above 0.
+    features
+        (N, decoder's channels, h, w): what the decoder tells all these from; None where only
+        the others matter.
     """
 
     masks: Tensor
     classes: Tensor
     centers: Tensor
     sides: Tensor
+    features: Tensor | None = None
 
 
 def _conv(
@@ -299,6 +303,7 @@ class Network(nn.Module):
             classes=classes,
             centers=instances[:, :2],
             sides=instances[:, 2:].clamp(max=7.0).exp(),
+            features=y,
         )
 
 

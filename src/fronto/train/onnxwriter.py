@@ -18,11 +18,11 @@ OPSET = 18
 
 def write_onnx(
     model: nn.Module,
-    example: Tensor,
+    examples: Sequence[Tensor],
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],
-    dynamic: Mapping[int, Any],
+    dynamic: Sequence[Mapping[int, Any]],
     metadata: Mapping[str, str],
     directory: Path,
     name: str,
@@ -36,12 +36,12 @@ def write_onnx(
     ----------
     model
         In evaluation mode.
-    example
-        An input of the right type.
+    examples
+        Inputs of the right types.
     inputs, outputs
         Their names.
     dynamic
-        Axes of the input that vary, by number (`torch.export.Dim`).
+        Axes of each input that vary, by number (`torch.export.Dim`).
     metadata
         Put into the file.
     directory
@@ -60,10 +60,10 @@ def write_onnx(
         warnings.simplefilter("ignore")  # the exporter warns of its own deprecated parts
         program = torch.onnx.export(
             model,
-            (example,),
+            tuple(examples),
             input_names=list(inputs),
             output_names=list(outputs),
-            dynamic_shapes=(dict(dynamic),),
+            dynamic_shapes=tuple(dict(axes) for axes in dynamic),
             opset_version=OPSET,
             dynamo=True,
             optimize=False,

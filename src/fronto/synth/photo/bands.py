@@ -31,6 +31,8 @@ class Sheet:
         Probability that a button is lit.
     pills
         Whether a dark pill holds each button together with its label.
+    twins
+        Whether the labels are on plates that look like the buttons beside them.
     """
 
     rng: np.random.Generator
@@ -41,6 +43,7 @@ class Sheet:
     fixtures: list[Fixture] = field(default_factory=list)
     lit: float = 0.0
     pills: bool = False
+    twins: bool = False
 
     def room(self, half: float) -> None:
         """Make the panel at least that wide on both sides."""
@@ -94,6 +97,8 @@ class Side:
         Symbol on buttons that say nothing.
     hoop
         Whether a line runs round each button and its plate.
+    twin
+        Whether the plates have the buttons' form and size.
     """
 
     side: str
@@ -103,9 +108,17 @@ class Side:
     aspect: float
     blank: str
     hoop: bool = False
+    twin: bool = False
 
-    def width(self, height: float, label: Label) -> float:
-        """Width of a plate of that height for a label."""
+    def height(self, form: Form) -> float:
+        """Height of the plates beside buttons of that form."""
+        return form.height if self.twin else self.share * min(form.width, form.height)
+
+    def width(self, form: Form, label: Label) -> float:
+        """Width of such a plate for a label."""
+        if self.twin:
+            return form.width
+        height = self.height(form)
         long = max(1.0, 0.55 * len(label.text))
         return height * min(self.aspect * long, 2.2)
 
@@ -113,6 +126,16 @@ class Side:
 def random_side(sheet: Sheet) -> Side:
     """Draw where a band's labels are."""
     rng = sheet.rng
+    if sheet.twins:
+        return Side(
+            side=pick(rng, ("left", "right", "above"), (6, 2, 2)),
+            share=1.0,
+            gap=rng.uniform(0.05, 0.4),
+            both=chance(rng, 0.08),
+            aspect=1.0,
+            blank=pick(rng, ("", "dot", "ring"), (5, 1, 0.6)),
+            twin=True,
+        )
     side = pick(rng, ("on", "left", "right", "above", "outer"), (6, 2.4, 1.2, 0.5, 0.5))
     if sheet.pills and side in ("on", "above"):
         side = "left"
@@ -149,8 +172,7 @@ def put(
         return
     face = label if side.both else Label(symbol=side.blank)
     sheet.elements.append(Element(*at, form, category, text, face, style, lit))
-    size = side.share * min(form.width, form.height)
-    width = side.width(size, label)
+    size, width = side.height(form), side.width(form, label)
     x, y = at
     if side.side == "above":
         y -= form.height / 2 + size / 2 + side.gap * size
@@ -162,7 +184,7 @@ def put(
             span = form.width + width + side.gap * size + 0.5 * tall
             middle = at[0] + (-1 if left else 1) * (width + side.gap * size) / 2
             sheet.fixtures.append(Fixture("pill" if sheet.pills else "hoop", middle, y, span, tall))
-    plate = Form("box", width, size)
+    plate = form if side.twin else Form("box", width, size)
     sheet.elements.append(Element(x, y, plate, "plate", text, label, PLATE_STYLE, False, braille))
 
 
@@ -180,9 +202,9 @@ def grid(
 ) -> None:
     """Buttons in rows; the first name is at the bottom left (`down`: at the top left)."""
     rows = -(-len(names) // columns)
-    size = side.share * min(form.width, form.height)
+    size = side.height(form)
     beside = side.side in ("left", "right", "outer")
-    widest = max(side.width(size, label) for _, _, label in names)
+    widest = max(side.width(form, label) for _, _, label in names)
     extra_x = widest + size * side.gap if beside else 0.0
     extra_y = size * (1 + 1.5 * side.gap) if side.side == "above" else 0.0
     step = np.array([form.width + extra_x + gap[0], form.height + extra_y + gap[1]])

@@ -233,6 +233,8 @@ def _fitted(form: Form, style: PlateStyle, ink: tuple[float, float]) -> Form:
     if style.color is None and ink[0] > 0:
         pad = 2 * PADDING * ink[1]
         return Form("box", ink[0] + pad, ink[1] + pad)
+    if style.given:
+        return form
     radius = style.rounding * min(form.width, form.height)
     if style.rounding == 0.5 and form.width == form.height:
         return Form("ellipse", form.width, form.height)

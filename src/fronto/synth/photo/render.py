@@ -61,6 +61,7 @@ def render_photo(
     height: int = 480,
     *,
     camera: Camera | None = None,
+    twins: bool = False,
 ) -> PanelPhoto:
     """Draw a random panel, its surroundings and a view of it.
 
@@ -72,6 +73,9 @@ def render_photo(
         Size of the photo in pixels, at least 32 each.
     camera
         The camera; None draws one.
+    twins
+        Whether the labels are on plates of the buttons' own form beside them, which are easily
+        taken for buttons.
 
     Raises
     ------
@@ -98,11 +102,13 @@ def render_photo(
             f"expected a lens without distortion, got {camera.distortion_model}",
             "leave the distortion out",
         )
-    plan = random_plan(rng)
+    plan = random_plan(rng, twins=twins)
     view = sample_view(rng, plan, camera)
     material = panel_material(rng)
     plans = (plan, *_company(rng, plan))
-    canvas, elements = draw_plans(rng, plans, view, material, _wardrobe(rng, material, plans))
+    canvas, elements = draw_plans(
+        rng, plans, view, material, _wardrobe(rng, material, plans, twins)
+    )
     box = np.array(plan.box) / 1000
     photo = composed(canvas, background(rng, view, box), view)
     cover = None
@@ -149,7 +155,9 @@ def _company(rng: np.random.Generator, plan: Plan) -> list[Plan]:
     return others
 
 
-def _wardrobe(rng: np.random.Generator, material: Material, plans: tuple[Plan, ...]) -> Wardrobe:
+def _wardrobe(
+    rng: np.random.Generator, material: Material, plans: tuple[Plan, ...], twins: bool
+) -> Wardrobe:
     """Draw the styles of the buttons and plates on panels of a material."""
     turn = rng.uniform(0, 2 * np.pi) if chance(rng, 0.3) else rng.uniform(-2.6, -0.5)
     metal = tint(rng, pick(rng, METALS), 15)
@@ -164,7 +172,7 @@ def _wardrobe(rng: np.random.Generator, material: Material, plans: tuple[Plan, .
         collar_color=pick(rng, ((225.0, 190.0, 40.0), (180.0, 180.0, 182.0))),
         ink=(240.0, 240.0, 240.0), label_share=0.25, face_relief=0.3,
     )  # fmt: skip
-    plate = plate_style(rng, material.color)
+    plate = plate_style(rng, material.color, twins=twins)
     if any(fixture.kind == "pill" for plan in plans for fixture in plan.fixtures):
         plate = replace(plate, color=None, ink=tint(rng, (235, 235, 232), 15))
     return Wardrobe(

@@ -115,6 +115,8 @@ class PlateStyle:
         Typeface and width of the letters.
     relief
         Light on the plate's edge.
+    given
+        Whether a plate keeps the corners of the form that it is given.
     """
 
     color: Color | None
@@ -123,6 +125,7 @@ class PlateStyle:
     font: int
     stretch: float
     relief: float
+    given: bool = False
 
 
 def contrasting(rng: np.random.Generator, ground: Color) -> Color:
@@ -204,10 +207,13 @@ def button_style(rng: np.random.Generator, panel: Color) -> ButtonStyle:
     )
 
 
-def plate_style(rng: np.random.Generator, panel: Color) -> PlateStyle:
-    """Draw the look of the labels beside the buttons of a panel of that colour."""
+def plate_style(rng: np.random.Generator, panel: Color, *, twins: bool = False) -> PlateStyle:
+    """Draw the look of the labels beside the buttons of a panel of that colour.
+
+    Twins of the buttons are never bare characters, and keep the buttons' form.
+    """
     color: Color | None = None
-    if chance(rng, 0.7):
+    if twins or chance(rng, 0.7):
         bank = pick(rng, (DARKS, WHITES, METALS, HUES), (5, 2, 1.5, 0.7))
         color = tint(rng, pick(rng, bank), 12)
     return PlateStyle(
@@ -217,4 +223,5 @@ def plate_style(rng: np.random.Generator, panel: Color) -> PlateStyle:
         font=int(rng.integers(9)),
         stretch=rng.uniform(0.75, 1.2),
         relief=rng.uniform(-0.5, 0.6) if chance(rng, 0.5) else 0.0,
+        given=twins,
     )

@@ -68,10 +68,10 @@ def export_reader(
     temperatures = temperatures or Temperatures()
     return write_onnx(
         _Deployed(network, temperatures).eval(),
-        torch.zeros(2, CROP_PX, CROP_PX, 3, dtype=torch.uint8),
+        [torch.zeros(2, CROP_PX, CROP_PX, 3, dtype=torch.uint8)],
         inputs=["crops"],
         outputs=["text", "kind"],
-        dynamic={0: torch.export.Dim("batch", min=1)},
+        dynamic=[{0: torch.export.Dim("batch", min=1)}],
         metadata={
             "format": FORMAT,
             "alphabet": ALPHABET,

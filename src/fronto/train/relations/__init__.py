@@ -1,0 +1,1 @@
+"""Training of the relation head: which of the network's candidates are buttons."""

@@ -1,0 +1,85 @@
+"""From a trained relation head to the file that `fronto.engine` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+import torch
+from torch import Tensor, nn
+
+from fronto.engine import Engine
+from fronto.engine.relations import COMPANION, FORMAT
+from fronto.relations import CELLS, GEOMETRY, PAIR
+from fronto.train.onnxwriter import write_onnx
+from fronto.train.relations.network import RelationNetwork
+
+__all__ = ["export_relations"]
+
+
+class _Deployed(nn.Module):
+    """One picture in, probabilities out."""
+
+    def __init__(self, network: RelationNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, looks: Tensor, geometry: Tensor, pairs: Tensor) -> tuple[Tensor, ...]:
+        there = torch.ones_like(geometry[None, :, 0], dtype=torch.bool)
+        told = self.network(looks[None], geometry[None], pairs[None], there)
+        return told.kinds[0].softmax(-1), told.classes[0].softmax(-1), told.shifts[0]
+
+
+def export_relations(
+    network: RelationNetwork, engine: Engine, directory: Path, metadata: Mapping[str, str]
+) -> Path:
+    """Write a head beside its network: ``NETWORK.relations-xxxxxxxx.onnx``.
+
+    One that is there already is replaced: a network has one head.
+
+    Inputs ``looks`` (n, 49, C), ``geometry`` (n, 24) and ``pairs`` (n, n, 8), float32, as
+    `fronto.relations.Candidates`; outputs as `fronto.engine.Verdicts`.
+
+    Parameters
+    ----------
+    network
+        What `fronto.train.relations.fit.fit_relations` gives.
+    engine
+        The network whose candidates it was trained on.
+    directory
+        Folder to write to; made where missing.
+    metadata
+        Put into the file beside what is known here: version, licence, training data, ...
+
+    Returns
+    -------
+    The file.
+    """
+    n = torch.export.Dim("candidates", min=1)
+    name = f"{engine.path.stem}{COMPANION}"
+    path = write_onnx(
+        _Deployed(network).eval(),
+        [
+            torch.zeros(3, CELLS**2, network.options.features),
+            torch.zeros(3, GEOMETRY),
+            torch.zeros(3, 3, PAIR),
+        ],
+        inputs=["looks", "geometry", "pairs"],
+        outputs=["kinds", "classes", "shifts"],
+        dynamic=[{0: n}, {0: n}, {0: n, 1: n}],
+        metadata={
+            "format": FORMAT,
+            "network": engine.digest,
+            "classes": ",".join(engine.classes),
+            "options": msgspec.json.encode(asdict(network.options)).decode(),
+            **metadata,
+        },
+        directory=directory,
+        name=name,
+    )
+    for old in directory.glob(f"{name}-*.onnx"):
+        if old != path:
+            old.unlink()
+    return path

@@ -1,0 +1,244 @@
+"""A whole run: from labelled photos to a relation head beside its network's file."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fronto._version import __version__
+from fronto.datasets.records import LabeledImage
+from fronto.engine import Engine
+from fronto.errors import InputError
+from fronto.train.relations.fit import RelationFit
+from fronto.train.relations.network import RelationNetwork, RelationOptions
+
+if TYPE_CHECKING:
+    from fronto.train.data import Source
+
+__all__ = ["RelationTrainOptions", "publish_relations", "train_relations"]
+
+#: Pictures in one file of candidates.
+IN_ONE = 400
+#: Options that decide which candidates are collected.
+COLLECTED = ("photos", "renders", "twins", "plates", "pixels", "size", "seed")
+
+
+@dataclass(frozen=True)
+class RelationTrainOptions:
+    """A training run.
+
+    Parameters
+    ----------
+    pictures
+        How many pictures the network is shown before training begins.
+    renders
+        Share of rendered panels among them, 0 to 1.
+    twins
+        Share of the renders whose plates look like the buttons beside them, 0 to 1.
+    plates
+        Share of the photos drawn that have plates, where there are any, 0 to 1.
+    pixels
+        Photos are scaled to this many pixels, as for inference.
+    size
+        Side of the pictures that are cut out, pixels; a multiple of 16.
+    seed
+        Of the pictures.
+    fit
+        Steps, learning rate, ...
+    network
+        How large the head is; its `features` are the network's.
+
+    Raises
+    ------
+    InputError
+        Naming the field that is out of range.
+    """
+
+    pictures: int = 12_000
+    renders: float = 0.25
+    twins: float = 0.3
+    plates: float = 0.2
+    pixels: int = 640 * 480
+    size: int = 560
+    seed: int = 0
+    fit: RelationFit = field(default_factory=RelationFit)
+    network: RelationOptions = field(default_factory=RelationOptions)
+
+    def __post_init__(self) -> None:
+        shares = (("renders", self.renders), ("twins", self.twins), ("plates", self.plates))
+        for name, share in shares:
+            if not 0 <= share <= 1:
+                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
+        least = (("pictures", self.pictures, 1), ("pixels", self.pixels, 4096))
+        for name, value, lowest in (*least, ("size", self.size, 64)):
+            if value < lowest:
+                raise InputError(name, f"expected {lowest} or more, got {value}")
+        if self.size % 16:
+            raise InputError("size", f"expected a multiple of 16, got {self.size}")
+
+
+def train_relations(
+    photos: Sequence[LabeledImage],
+    engine: Engine,
+    run: Path,
+    options: RelationTrainOptions | None = None,
+    *,
+    held_out: Sequence[LabeledImage] = (),
+    progress: bool = True,
+) -> RelationNetwork:
+    """Train a relation head, or go on where the run in this folder stopped.
+
+    Parameters
+    ----------
+    photos
+        Labelled photos; none trains on renders only.
+    engine
+        The network that the head is for.
+    run
+        Folder of the run: ``pictures-*.npz``, ``last.pt``, ``metrics.csv``, ``options.json``.
+    options
+        How to train.
+    held_out
+        Photos to evaluate on at checkpoints.
+    progress
+        Whether progress bars with the time left are shown.
+
+    Returns
+    -------
+    The head with averaged weights, in evaluation mode.
+
+    Raises
+    ------
+    InputError
+        If there are no photos for their share of the pictures, or the folder holds a run for
+        another network or of another head.
+    """
+    import torch
+
+    from fronto.files import json_bytes, write_bytes
+    from fronto.train.data import Photos, Renders
+    from fronto.train.relations.fit import fit_relations, load_relations
+    from fronto.train.relations.pool import Picture, read_pool
+    from fronto.train.relations.validate import relation_validation
+    from fronto.train.runs import same_network
+
+    options = options or RelationTrainOptions()
+    if options.network.features != engine.channels:
+        raise InputError(
+            "network.features", f"expected {engine.channels}, got {options.network.features}"
+        )
+    sources: list[tuple[Source, float]] = []
+    if options.renders > 0:
+        sources.append((Renders(reuse=1, twins=options.twins), options.renders))
+    if options.renders < 1:
+        if not photos:
+            raise InputError(
+                "photos", "expected labelled photos, got none", "or train on renders = 1 only"
+            )
+        photo_source = Photos(photos, options.pixels, options.plates)
+        sources.append((photo_source, 1 - options.renders))
+    network = RelationNetwork(options.network)
+    if (run / "last.pt").exists():
+        found = load_relations(run / "last.pt").options
+        same_network(run / "last.pt", asdict(found), asdict(options.network))
+    values = {"fronto": __version__, "photos": len(photos), "weights": engine.digest}
+    values |= asdict(options)
+    _check_run(run, values, ("weights", *COLLECTED))
+    run.mkdir(parents=True, exist_ok=True)
+    write_bytes(run / "options.json", json_bytes(values))
+    pictures: list[Picture] = []
+    for file in _collected(engine, sources, run, options, progress):
+        pictures += read_pool(file)
+    torch.manual_seed(options.fit.seed)
+    return fit_relations(
+        network,
+        pictures,
+        run,
+        options.fit,
+        validate=relation_validation(engine, held_out) if held_out else None,
+        progress=progress,
+    )
+
+
+def publish_relations(
+    run: Path, engine: Engine, directory: Path, metadata: Mapping[str, str]
+) -> Path:
+    """Write the head of a run as ONNX, to lie beside its network's file.
+
+    Parameters
+    ----------
+    run
+        Folder of the run.
+    engine
+        The network that it was trained for.
+    directory
+        Folder to write to; made where missing.
+    metadata
+        Put into the file: license, training_data, ...
+
+    Returns
+    -------
+    The file.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no such run, or one for another network.
+    """
+    from fronto.train.relations.export import export_relations
+    from fronto.train.relations.fit import load_relations
+
+    network = load_relations(run / "last.pt")
+    _check_run(run, {"weights": engine.digest}, ("weights",))
+    return export_relations(network, engine, directory, {"version": __version__, **metadata})
+
+
+def _check_run(run: Path, wanted: Mapping[str, object], fields: Sequence[str]) -> None:
+    """Refuse a run for another network, or of what was collected in another way."""
+    import msgspec
+
+    try:
+        stated = msgspec.json.decode((run / "options.json").read_bytes(), type=dict[str, object])
+    except FileNotFoundError:
+        return
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(f"run {run}", f"expected its options.json, got: {error}") from None
+    for name in fields:
+        if stated.get(name) != wanted[name]:
+            raise InputError(
+                f"run {run}, {name}",
+                f"expected {stated.get(name)} as before, got {wanted[name]}",
+                "name another folder, or give what the run was begun with",
+            )
+
+
+def _collected(
+    engine: Engine,
+    sources: Sequence[tuple[Source, float]],
+    run: Path,
+    options: RelationTrainOptions,
+    progress: bool,
+) -> list[Path]:
+    """The files of candidates; those that the run has are not made again."""
+    from tqdm import tqdm
+
+    from fronto.train.relations.collect import collect
+    from fronto.train.relations.pool import write_pool
+
+    counts = [min(IN_ONE, options.pictures - k) for k in range(0, options.pictures, IN_ONE)]
+    files = [run / f"pictures-{k:03d}-{count}.npz" for k, count in enumerate(counts)]
+    missing = [k for k, file in enumerate(files) if not file.exists()]
+    total = sum(counts[k] for k in missing)
+    with tqdm(total=total, unit="picture", disable=not progress) as bar:
+        for k in missing:
+            seed = 10_000 * options.seed + k
+            found = []
+            pictures = collect(engine, sources, size=options.size, seed=seed)
+            for picture in itertools.islice(pictures, counts[k]):
+                found.append(picture)
+                bar.update()
+            write_pool(files[k], found)
+    return files

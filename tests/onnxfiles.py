@@ -1,0 +1,156 @@
+"""Tiny ONNX files in the formats of fronto's networks."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from onnx import TensorProto, helper, numpy_helper
+
+from fronto.categories import CATEGORIES
+from fronto.engine import FORMAT
+from fronto.engine.relations import FORMAT as HEAD_FORMAT
+
+CLASSES = ("background", "up", "plate")
+METADATA = {
+    "format": FORMAT,
+    "classes": ",".join(CLASSES),
+    "stride": "4",
+    "multiple": "16",
+    "channels": "3",
+    "version": "0.7.1",
+}
+
+
+def network(
+    *,
+    metadata=METADATA,
+    stride=4,
+    image=(TensorProto.UINT8, ["n", "h", "w", 3]),
+    names=None,
+    channels=None,
+    extra_input=False,
+):
+    """A file whose masks are the red and green of its input and whose cells are their means."""
+    names = {"image": "image", **(names or {})}
+    known = {"masks": 2, "classes": 3, "centers": 2, "sides": 4, "features": 3}
+    channels = known | (channels or {})
+    nodes = [
+        helper.make_node("Cast", ["image"], ["bytes"], to=TensorProto.FLOAT),
+        helper.make_node("Mul", ["bytes", "factor"], ["values"]),
+        helper.make_node("Transpose", ["values"], ["x"], perm=[0, 3, 1, 2]),
+        helper.make_node("Slice", ["x", "zero", "two", "axis"], ["masks"]),
+        helper.make_node(
+            "AveragePool", ["x"], ["classes"], kernel_shape=[stride] * 2, strides=[stride] * 2
+        ),
+        helper.make_node("Slice", ["classes", "zero", "two", "axis"], ["centers"]),
+        helper.make_node("Concat", ["centers", "centers"], ["sides"], axis=1),
+        helper.make_node("Identity", ["classes"], ["features"]),
+    ]
+    constants = [
+        helper.make_tensor("factor", TensorProto.FLOAT, [], [1 / 255]),
+        helper.make_tensor("zero", TensorProto.INT64, [1], [0]),
+        helper.make_tensor("two", TensorProto.INT64, [1], [2]),
+        helper.make_tensor("axis", TensorProto.INT64, [1], [1]),
+    ]
+    for node in nodes:
+        for values in (node.input, node.output):
+            values[:] = [names.get(value, value) for value in values]
+    inputs = [helper.make_tensor_value_info(names["image"], *image)]
+    if extra_input:
+        inputs.append(helper.make_tensor_value_info("scale", TensorProto.FLOAT, [1]))
+    outputs = [
+        helper.make_tensor_value_info(
+            names.get(name, name), TensorProto.FLOAT, ["n", count, f"{name}_h", f"{name}_w"]
+        )
+        for name, count in channels.items()
+        if count != 0
+    ]
+    return _content(helper.make_graph(nodes, "test", inputs, outputs, constants), metadata)
+
+
+def finder(features, *, side_px=16, seed=0):
+    """A network that takes much for buttons: every local peak of random filters."""
+    sizes = {"classes": len(CATEGORIES), "centers": 2, "sides": 4, "features": features}
+    rng = np.random.default_rng(seed)
+    weights = rng.normal(0, 0.5, (sum(sizes.values()), 3, 3, 3)).astype(np.float32)
+    weights -= weights.mean(axis=(1, 2, 3), keepdims=True)
+    constants = {
+        "factor": np.float32(1 / 255),
+        "weights": weights,
+        "parts": np.array(list(sizes.values())),
+        "two": np.array([2]),
+        "zero": np.array([0]),
+        "axis": np.array([1]),
+        "side": np.float32(side_px),
+    }
+    raw = [f"raw {name}" for name in sizes]
+    nodes = [
+        helper.make_node("Cast", ["image"], ["bytes"], to=TensorProto.FLOAT),
+        helper.make_node("Mul", ["bytes", "factor"], ["values"]),
+        helper.make_node("Transpose", ["values"], ["x"], perm=[0, 3, 1, 2]),
+        helper.make_node("Slice", ["x", "zero", "two", "axis"], ["masks"]),
+        helper.make_node("AveragePool", ["x"], ["cells"], kernel_shape=[4, 4], strides=[4, 4]),
+        helper.make_node("Conv", ["cells", "weights"], ["all"], pads=[1] * 4),
+        helper.make_node("Split", ["all", "parts"], raw, axis=1),
+        helper.make_node("Softmax", ["raw classes"], ["classes"], axis=1),
+        helper.make_node("Sigmoid", ["raw centers"], ["centers"]),
+        helper.make_node("Exp", ["raw sides"], ["scales"]),
+        helper.make_node("Mul", ["scales", "side"], ["sides"]),
+        helper.make_node("Identity", ["raw features"], ["features"]),
+    ]
+    inputs = [helper.make_tensor_value_info("image", TensorProto.UINT8, ["n", "h", "w", 3])]
+    outputs = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", count, None, None])
+        for name, count in {"masks": 2, **sizes}.items()
+    ]
+    tensors = [numpy_helper.from_array(np.asarray(v), name) for name, v in constants.items()]
+    stated = {"classes": ",".join(CATEGORIES), "channels": str(features)}
+    graph = helper.make_graph(nodes, "test", inputs, outputs, tensors)
+    return _content(graph, METADATA | stated)
+
+
+def head(for_network, *, metadata=None, channels=3, classes=3, floats=TensorProto.FLOAT, drop=()):
+    """A relation head for a network with this content.
+
+    Kinds and classes are those of the first numbers of the geometry, shifts the first four.
+    """
+    metadata = {"format": HEAD_FORMAT, "network": digits(for_network)} | (metadata or {})
+    sizes = {
+        "looks": ["n", 49, channels],
+        "geometry": ["n", 24],
+        "pairs": ["n", "n", 8],
+        "kinds": ["n", 3],
+        "classes": ["n", classes],
+        "shifts": ["n", 4],
+    }
+    nodes = [
+        helper.make_node("Cast", ["geometry"], ["told"], to=TensorProto.FLOAT),
+        helper.make_node("Slice", ["told", "zero", "three", "axis"], ["first"]),
+        helper.make_node("Softmax", ["first"], ["kinds"], axis=1),
+        helper.make_node("Slice", ["told", "zero", "count", "axis"], ["named"]),
+        helper.make_node("Softmax", ["named"], ["classes"], axis=1),
+        helper.make_node("Slice", ["told", "zero", "four", "axis"], ["shifts"]),
+    ]
+    numbers = {"zero": 0, "three": 3, "count": classes, "four": 4, "axis": 1}
+    constants = [helper.make_tensor(k, TensorProto.INT64, [1], [v]) for k, v in numbers.items()]
+    inputs, outputs = (
+        [helper.make_tensor_value_info(n, kind, sizes[n]) for n in names if n not in drop]
+        for names, kind in (
+            (("looks", "geometry", "pairs"), floats),
+            (("kinds", "classes", "shifts"), TensorProto.FLOAT),
+        )
+    )
+    return _content(helper.make_graph(nodes, "test", inputs, outputs, constants), metadata)
+
+
+def digits(content):
+    return hashlib.sha256(content).hexdigest()[:8]
+
+
+def _content(graph, metadata):
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
+    for key, value in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    return model.SerializeToString()
