@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -106,6 +106,41 @@ def test_no_size_shifts_the_masks(height: int, width: int) -> None:
     middle = (columns.mean(), rows.mean())
     expected = ((box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2)
     np.testing.assert_allclose(middle, expected, atol=0.3 * max(1, tolerance))
+
+
+@dataclass
+class Unsure(Oracle):
+    """Its masks are blurred, and no surer than this."""
+
+    blur_px: float = 8.0
+    most: float = 1.0
+
+    def run(self, images: npt.NDArray[np.uint8]) -> Maps:
+        import cv2
+
+        maps = super().run(images)
+        soft = cv2.GaussianBlur(maps.masks[0, 0], (0, 0), self.blur_px) * self.most
+        return replace(maps, masks=np.stack([soft, maps.masks[0, 1]])[None].astype(np.float32))
+
+
+def test_of_a_soft_mask_the_surest_part_is_kept_all_around() -> None:
+    photo = _photo([(300, 200, 380, 280)])
+    (found,) = segment(photo, engine=Unsure())  # type: ignore[arg-type]
+    rows, columns = np.nonzero(found.mask)
+    center = found.origin_px + np.array([columns.mean(), rows.mean()])
+    np.testing.assert_allclose(center, (339.5, 239.5), atol=0.3)
+    # Blurred alone, it is 77 pixels wide at a half.
+    assert 0.8 * 80**2 < found.mask.sum() < 0.93 * 80**2
+
+
+def test_a_find_whose_pixels_are_unsure_has_a_mask() -> None:
+    photo = _photo([(300, 200, 380, 280), (100, 100, 160, 160)])
+    found = segment(photo, engine=Unsure(blur_px=2.0, most=0.4))  # type: ignore[arg-type]
+    assert len(found) == 2
+    for s in found:
+        x0, y0, x1, y1 = s.box_px
+        assert 0.4 < s.mask.sum() / ((x1 - x0) * (y1 - y0)) < 0.75
+    assert len(segment(photo, engine=Unsure(most=0.01))) == 0  # type: ignore[arg-type]
 
 
 def test_a_button_at_the_border_is_marked() -> None:

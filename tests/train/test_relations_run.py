@@ -52,8 +52,8 @@ def engine(tmp_path: Path) -> Engine:
     return engine_of(tmp_path, 0)
 
 
-def wild_head() -> RelationNetwork:
-    torch.manual_seed(0)
+def wild_head(seed: int = 0) -> RelationNetwork:
+    torch.manual_seed(seed)
     network = RelationNetwork(HEAD).eval()
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.3)
@@ -81,7 +81,7 @@ def columns(run: Path) -> list[dict[str, str]]:
 
 def test_the_file_gives_the_same_numbers(engine: Engine) -> None:
     network = wild_head()
-    path = export_relations(network, engine, engine.path.parent, {"license": "MIT"})
+    path = export_relations([network], engine, engine.path.parent, {"license": "MIT"})
     assert find_companion(engine.path) == path
     head = Engine(engine.path, threads=1).relations
     assert head is not None
@@ -96,6 +96,20 @@ def test_the_file_gives_the_same_numbers(engine: Engine) -> None:
             assert theirs.std() > 0.01
             assert np.abs(ours - theirs).max() <= 1e-4, name
         np.testing.assert_allclose(found.kinds.sum(axis=1), 1, atol=1e-5)
+
+
+def test_several_heads_give_their_mean(engine: Engine) -> None:
+    heads = [wild_head(seed) for seed in (0, 1)]
+    export_relations(heads, engine, engine.path.parent, {})
+    used = Engine(engine.path, threads=1).relations
+    assert used is not None
+    assert used.metadata["heads"] == "2"
+    told = [TorchRelations(head).run(candidates(7)) for head in heads]
+    found = used.run(candidates(7))
+    for name in ("kinds", "classes", "shifts"):
+        mean = (getattr(told[0], name) + getattr(told[1], name)) / 2
+        assert np.abs(getattr(told[0], name) - mean).max() > 0.01
+        np.testing.assert_allclose(getattr(found, name), mean, atol=1e-4)
 
 
 def test_from_renders_to_a_file(
@@ -118,7 +132,7 @@ def test_from_renders_to_a_file(
         train_relations([], engine, run, longer, progress=False)
     assert [row["step"] for row in columns(run)] == ["2", "4"]
 
-    path = publish_relations(run, engine, engine.path.parent, {"license": "MIT"})
+    path = publish_relations([run], engine, engine.path.parent, {"license": "MIT"})
     used = Engine(engine.path, threads=1)
     assert used.relations is not None
     assert used.relations.path == path
@@ -133,7 +147,7 @@ def test_a_run_is_for_one_network(engine: Engine, tmp_path: Path) -> None:
     another = engine_of(tmp_path, 1)
     for attempt in (
         lambda: train_relations([], another, run, OPTIONS, progress=False),
-        lambda: publish_relations(run, another, tmp_path / "out", {}),
+        lambda: publish_relations([run], another, tmp_path / "out", {}),
     ):
         with pytest.raises(InputError, match=f"{engine.digest}.*{another.digest}"):
             attempt()
@@ -162,8 +176,8 @@ def test_going_on_with_other_options(engine: Engine, tmp_path: Path) -> None:
 
 def test_a_network_has_one_head(engine: Engine, tmp_path: Path) -> None:
     folder = engine.path.parent
-    first = export_relations(wild_head(), engine, folder, {"version": "1"})
-    second = export_relations(wild_head(), engine, folder, {"version": "2"})
+    first = export_relations([wild_head()], engine, folder, {"version": "1"})
+    second = export_relations([wild_head()], engine, folder, {"version": "2"})
     assert first != second
     assert find_companion(engine.path) == second
 

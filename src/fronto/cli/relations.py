@@ -37,9 +37,9 @@ __all__ = ["command"]
     "--split", metavar="NAME", help="Of DATA.  [default: train where there is one, else all]"
 )
 @click.option("--val", type=FILE, metavar="DATA", help="Photos to evaluate on at checkpoints.")
-@click.option("--pictures", type=click.IntRange(min=1), metavar="N", help="To look at.  [12000]")
+@click.option("--pictures", type=click.IntRange(min=1), metavar="N", help="To look at.  [16000]")
 @click.option("--renders", type=FiniteRange(0, 1), metavar="SHARE", help="Share of renders. [0.25]")
-@click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Batches in all.  [6000]")
+@click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Batches in all.  [9000]")
 @click.option("--batch", type=click.IntRange(min=1), metavar="N", help="Pictures in one.  [16]")
 @click.option("--rate", type=POSITIVE, metavar="X", help="Highest learning rate.  [0.002]")
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="[0]")
@@ -82,7 +82,7 @@ def command(
     train_relations(photos, engine, run, options, held_out=held_out, progress=not quiet)
     known = {"license": license_, "training_data": stated}
     metadata = {key: value for key, value in known.items() if value}
-    path = publish_relations(run, engine, folder or engine.path.parent, metadata)
+    path = publish_relations([run], engine, folder or engine.path.parent, metadata)
     if not quiet:
         say(f"{run}: {path.stat().st_size / 1e6:.1f} MB -> {path}")
 

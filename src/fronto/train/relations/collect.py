@@ -22,9 +22,9 @@ from fronto.train.targets import Target
 __all__ = ["collect", "judge_candidates"]
 
 #: Share of the pictures that are shown as they are when the network is used: whole, not turned.
-WHOLE = 0.3
+WHOLE = 0.4
 #: Share of the pictures whose light, colour and sharpness are changed, and that are compressed.
-DISTURBED, COMPRESSED = 0.75, 0.3
+DISTURBED, COMPRESSED = 0.65, 0.3
 #: A candidate is what it overlaps by this much (intersection over union); between the two there
 #: is no verdict, but the way to the labelled box is known.
 IS, NEAR = 0.5, 0.4

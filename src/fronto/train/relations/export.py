@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,20 +20,28 @@ __all__ = ["export_relations"]
 
 
 class _Deployed(nn.Module):
-    """One picture in, probabilities out."""
+    """One picture in, probabilities out: the mean of several heads."""
 
-    def __init__(self, network: RelationNetwork) -> None:
+    def __init__(self, networks: Sequence[RelationNetwork]) -> None:
         super().__init__()
-        self.network = network
+        self.networks = nn.ModuleList(networks)
 
     def forward(self, looks: Tensor, geometry: Tensor, pairs: Tensor) -> tuple[Tensor, ...]:
         there = torch.ones_like(geometry[None, :, 0], dtype=torch.bool)
-        told = self.network(looks[None], geometry[None], pairs[None], there)
-        return told.kinds[0].softmax(-1), told.classes[0].softmax(-1), told.shifts[0]
+        told = [
+            network(looks[None], geometry[None], pairs[None], there) for network in self.networks
+        ]
+        share = 1 / len(told)
+        kinds = torch.stack([t.kinds[0].softmax(-1) for t in told]).sum(dim=0) * share
+        classes = torch.stack([t.classes[0].softmax(-1) for t in told]).sum(dim=0) * share
+        return kinds, classes, torch.stack([t.shifts[0] for t in told]).sum(dim=0) * share
 
 
 def export_relations(
-    network: RelationNetwork, engine: Engine, directory: Path, metadata: Mapping[str, str]
+    networks: Sequence[RelationNetwork],
+    engine: Engine,
+    directory: Path,
+    metadata: Mapping[str, str],
 ) -> Path:
     """Write a head beside its network: ``NETWORK.relations-xxxxxxxx.onnx``.
 
@@ -44,8 +52,9 @@ def export_relations(
 
     Parameters
     ----------
-    network
-        What `fronto.train.relations.fit.fit_relations` gives.
+    networks
+        What `fronto.train.relations.fit.fit_relations` gives, of one size; of several the mean
+        of their answers is taken, which is a little better than each.
     engine
         The network whose candidates it was trained on.
     directory
@@ -57,12 +66,13 @@ def export_relations(
     -------
     The file.
     """
+    options = networks[0].options
     n = torch.export.Dim("candidates", min=1)
     name = f"{engine.path.stem}{COMPANION}"
     path = write_onnx(
-        _Deployed(network).eval(),
+        _Deployed(networks).eval(),
         [
-            torch.zeros(3, CELLS**2, network.options.features),
+            torch.zeros(3, CELLS**2, options.features),
             torch.zeros(3, GEOMETRY),
             torch.zeros(3, 3, PAIR),
         ],
@@ -73,7 +83,8 @@ def export_relations(
             "format": FORMAT,
             "network": engine.digest,
             "classes": ",".join(engine.classes),
-            "options": msgspec.json.encode(asdict(network.options)).decode(),
+            "heads": str(len(networks)),
+            "options": msgspec.json.encode(asdict(options)).decode(),
             **metadata,
         },
         directory=directory,

@@ -86,7 +86,7 @@ class RelationFit:
         Naming the field that is out of range.
     """
 
-    steps: int = 6000
+    steps: int = 9000
     batch: int = 16
     rate: float = 2e-3
     decay: float = 0.02

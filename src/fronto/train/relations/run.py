@@ -57,7 +57,7 @@ class RelationTrainOptions:
         Naming the field that is out of range.
     """
 
-    pictures: int = 12_000
+    pictures: int = 16_000
     renders: float = 0.25
     twins: float = 0.3
     plates: float = 0.2
@@ -164,14 +164,14 @@ def train_relations(
 
 
 def publish_relations(
-    run: Path, engine: Engine, directory: Path, metadata: Mapping[str, str]
+    runs: Sequence[Path], engine: Engine, directory: Path, metadata: Mapping[str, str]
 ) -> Path:
     """Write the head of a run as ONNX, to lie beside its network's file.
 
     Parameters
     ----------
-    run
-        Folder of the run.
+    runs
+        Folder of the run; of several runs with other seeds the mean is taken.
     engine
         The network that it was trained for.
     directory
@@ -186,14 +186,17 @@ def publish_relations(
     Raises
     ------
     InputError
-        If the folder holds no such run, or one for another network.
+        If a folder holds no such run, one for another network, or one of another head.
     """
     from fronto.train.relations.export import export_relations
     from fronto.train.relations.fit import load_relations
+    from fronto.train.runs import same_network
 
-    network = load_relations(run / "last.pt")
-    _check_run(run, {"weights": engine.digest}, ("weights",))
-    return export_relations(network, engine, directory, {"version": __version__, **metadata})
+    networks = [load_relations(run / "last.pt") for run in runs]
+    for run, network in zip(runs, networks, strict=True):
+        same_network(run / "last.pt", asdict(network.options), asdict(networks[0].options))
+        _check_run(run, {"weights": engine.digest}, ("weights",))
+    return export_relations(networks, engine, directory, {"version": __version__, **metadata})
 
 
 def _check_run(run: Path, wanted: Mapping[str, object], fields: Sequence[str]) -> None:
