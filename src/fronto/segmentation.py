@@ -299,13 +299,12 @@ def _lifted(probability: npt.NDArray[np.float32], area: float) -> npt.NDArray[np
         return probability
     count = min(int(FILL * area), probability.size)
     level = float(np.partition(probability.ravel(), -count)[-count]) if count else 0.0
-    # A little below: the pixels of this level itself belong to it.
-    return probability if level < DIMMEST else _levelled(probability, 0.999 * min(level, 0.5))
+    return probability if level < DIMMEST else _levelled(probability, min(level, 0.5))
 
 
 def _levelled(probability: npt.NDArray[np.float32], level: float) -> npt.NDArray[np.float32]:
-    """Probabilities whose odds are changed so that this one becomes a half."""
-    odds = level / (1 - level)
+    """Probabilities whose odds are changed so that this one becomes a half, and a little more."""
+    odds = 0.995 * level / (1 - level)
     return np.asarray(probability / (probability + odds * (1 - probability)), np.float32)
 
 
