@@ -42,11 +42,12 @@ TURNED = 0.06
 TIGHT = 0.88
 #: ... unless that would cut into what is this sure: the mask's edge is a crisp one.
 CRISP = 0.95
-#: A mask must fill this share of its box: less is no button, but a flaw ...
+#: A mask must fill this share of its box: less is no button, but a flaw.
 LEAST_FILL = 0.25
-#: ... unless that comes of probabilities that are low, but not below this: then the likeliest
-#: pixels, this share of the box, are its mask.
-DIMMEST, FILL = 0.05, 0.6
+#: One that fills less than the first share is of a button whose pixels are unsure (an ellipse fills
+#: 0.79): then the likeliest pixels, the second share of the box, are its mask, if they are no less
+#: likely than this.
+SPARSE, FILL, DIMMEST = 0.5, 0.6, 0.02
 
 
 @cache
@@ -295,7 +296,7 @@ def _lifted(probability: npt.NDArray[np.float32], area: float) -> npt.NDArray[np
 
     What is a button by all else has a mask, even if its pixels say so with less certainty.
     """
-    if (probability > 0.5).sum() >= LEAST_FILL * area:
+    if (probability > 0.5).sum() >= SPARSE * area:
         return probability
     count = min(int(FILL * area), probability.size)
     level = float(np.partition(probability.ravel(), -count)[-count]) if count else 0.0

@@ -81,7 +81,7 @@ def columns(run: Path) -> list[dict[str, str]]:
 
 def test_the_file_gives_the_same_numbers(engine: Engine) -> None:
     network = wild_head()
-    path = export_relations([network], engine, engine.path.parent, {"license": "MIT"})
+    path = export_relations([network], engine, engine.path.parent, {"license": "MIT"}, shown=0.5)
     assert find_companion(engine.path) == path
     head = Engine(engine.path, threads=1).relations
     assert head is not None
@@ -98,9 +98,25 @@ def test_the_file_gives_the_same_numbers(engine: Engine) -> None:
         np.testing.assert_allclose(found.kinds.sum(axis=1), 1, atol=1e-5)
 
 
+def test_what_is_found_less_surely_is_shown_too(engine: Engine) -> None:
+    answers = {}
+    for shown in (0.5, 0.35):
+        export_relations([wild_head()], engine, engine.path.parent, {}, shown=shown)
+        head = Engine(engine.path, threads=1).relations
+        assert head is not None
+        answers[shown] = head.run(candidates(40)).kinds
+    plain, lifted = 1 - answers[0.5][:, 0], 1 - answers[0.35][:, 0]
+    expected = plain / (plain + 0.35 / 0.65 * (1 - plain))
+    np.testing.assert_allclose(lifted, expected, atol=1e-4)
+    # Which kind of thing it is, does not change.
+    np.testing.assert_array_equal(
+        answers[0.5][:, 1] > answers[0.5][:, 2], answers[0.35][:, 1] > answers[0.35][:, 2]
+    )
+
+
 def test_several_heads_give_their_mean(engine: Engine) -> None:
     heads = [wild_head(seed) for seed in (0, 1)]
-    export_relations(heads, engine, engine.path.parent, {})
+    export_relations(heads, engine, engine.path.parent, {}, shown=0.5)
     used = Engine(engine.path, threads=1).relations
     assert used is not None
     assert used.metadata["heads"] == "2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -19,12 +20,21 @@ from fronto.train.relations.network import RelationNetwork
 __all__ = ["export_relations"]
 
 
+#: What a head finds with this probability gets the confidence 0.5, from which on it is shown by
+#: default: labels that it learns from miss buttons, so that it is less sure than it should be.
+SHOWN = 0.35
+
+
 class _Deployed(nn.Module):
     """One picture in, probabilities out: the mean of several heads."""
 
-    def __init__(self, networks: Sequence[RelationNetwork]) -> None:
+    lift: Tensor
+
+    def __init__(self, networks: Sequence[RelationNetwork], shown: float) -> None:
         super().__init__()
         self.networks = nn.ModuleList(networks)
+        lift = math.log((1 - shown) / shown)
+        self.register_buffer("lift", torch.tensor([0.0, lift, lift]))
 
     def forward(self, looks: Tensor, geometry: Tensor, pairs: Tensor) -> tuple[Tensor, ...]:
         there = torch.ones_like(geometry[None, :, 0], dtype=torch.bool)
@@ -32,7 +42,7 @@ class _Deployed(nn.Module):
             network(looks[None], geometry[None], pairs[None], there) for network in self.networks
         ]
         share = 1 / len(told)
-        kinds = torch.stack([t.kinds[0].softmax(-1) for t in told]).sum(dim=0) * share
+        kinds = torch.stack([(t.kinds[0] + self.lift).softmax(-1) for t in told]).sum(dim=0) * share
         classes = torch.stack([t.classes[0].softmax(-1) for t in told]).sum(dim=0) * share
         return kinds, classes, torch.stack([t.shifts[0] for t in told]).sum(dim=0) * share
 
@@ -42,6 +52,8 @@ def export_relations(
     engine: Engine,
     directory: Path,
     metadata: Mapping[str, str],
+    *,
+    shown: float = SHOWN,
 ) -> Path:
     """Write a head beside its network: ``NETWORK.relations-xxxxxxxx.onnx``.
 
@@ -61,6 +73,8 @@ def export_relations(
         Folder to write to; made where missing.
     metadata
         Put into the file beside what is known here: version, licence, training data, ...
+    shown
+        What is found with this probability gets the confidence 0.5.
 
     Returns
     -------
@@ -70,7 +84,7 @@ def export_relations(
     n = torch.export.Dim("candidates", min=1)
     name = f"{engine.path.stem}{COMPANION}"
     path = write_onnx(
-        _Deployed(networks).eval(),
+        _Deployed(networks, shown).eval(),
         [
             torch.zeros(3, CELLS**2, options.features),
             torch.zeros(3, GEOMETRY),
@@ -84,6 +98,7 @@ def export_relations(
             "network": engine.digest,
             "classes": ",".join(engine.classes),
             "heads": str(len(networks)),
+            "shown": f"{shown:g}",
             "options": msgspec.json.encode(asdict(options)).decode(),
             **metadata,
         },
