@@ -39,7 +39,7 @@ TURNED = 0.06
 #: The photos that the network learned from are labelled loosely, their buttons' boxes and so its
 #: masks are larger than buttons outlined exactly, by a sixth in area in the median of those
 #: annotated; on renders, learned exactly, by a fiftieth. This share of a mask is kept, the surest.
-TIGHT = 0.88
+TIGHT = 0.9
 #: ... unless that would cut into what is this sure: the mask's edge is a crisp one.
 CRISP = 0.95
 #: A mask must fill this share of its box: less is no button, but a flaw.
