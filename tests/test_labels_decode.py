@@ -182,6 +182,7 @@ def test_as_many_texts_as_asked_for():
         (np.array([[[np.nan, 1.0]]]), "A", {}, "NaN"),
         ([["a", "b"]], "A", {}, "probabilities"),
         (np.full((1, 1, 2), 0.5), "A", {"width": 0}, "width"),
+        (np.full((1, 1, 2), 0.5), "A", {"width": 129}, "width"),
         (np.full((1, 1, 2), 0.5), "A", {"best": 0}, "best"),
     ],
 )

@@ -11,16 +11,23 @@ over all paths.
 
 from __future__ import annotations
 
+import ctypes
+from functools import cache
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from fronto.errors import InputError
+from fronto.native import address, library
 from fronto.shapes import FloatArray, frozen_array
 
 __all__ = ["decode"]
 
 #: Characters that a beginning may go on with at each step; those less probable are not tried.
 TRIED = 5
+#: Most beginnings that can be kept: the compiled search has room for no more.
+MOST_WIDTH = 128
 #: How far the probabilities of a step may be from 1 in sum: what half precision makes of them.
 SUM_TOLERANCE = 0.01
 
@@ -39,7 +46,7 @@ def decode(
     alphabet
         The characters.
     width
-        Beginnings that are kept at each step.
+        Beginnings that are kept at each step, up to 128.
     best
         Texts that are told of each of the N, at most `width`.
 
@@ -54,16 +61,17 @@ def decode(
     ------
     InputError
         If the probabilities are of another shape, or no probabilities, or if a number is
-        below 1.
+        out of range.
     """
     for name, value in (("width", width), ("best", best)):
         if value < 1:
             raise InputError(name, f"expected a whole number from 1, got {value}")
+    if width > MOST_WIDTH:
+        raise InputError("width", f"expected {MOST_WIDTH} or less, got {width}")
     steps = _checked(probabilities, alphabet)
     if not len(steps):
         return ()
     codes, found = _search(steps, width)
-    found = np.where(found > 0, _exact(steps, codes), 0)
     order = np.argsort(-found, axis=1, kind="stable")[:, :best]
     codes, found = np.take_along_axis(codes, order, 1), np.take_along_axis(found, order, 1)
     return tuple(
@@ -94,7 +102,7 @@ def _checked(probabilities: npt.ArrayLike, alphabet: str) -> FloatArray:
             f"got sums from {total.min():g} to {total.max():g}, the least {steps.min():g}",
             "give what comes out of a softmax",
         )
-    return np.asarray(steps / total)
+    return np.ascontiguousarray(steps / total)
 
 
 def _search(steps: FloatArray, width: int) -> tuple[Codes, FloatArray]:
@@ -104,73 +112,33 @@ def _search(steps: FloatArray, width: int) -> tuple[Codes, FloatArray]:
     its last digit is the last character, and what stands before is its beginning.
     """
     n, count, classes = steps.shape
-    base, full = np.uint64(classes), np.uint64(_full(classes))
-    tried = min(TRIED, classes - 1)
-    likely = 1 + np.argpartition(-steps[..., 1:], tried - 1, axis=2)[..., :tried]
-    codes = np.zeros((n, width), np.uint64)
-    closed, open_ = np.zeros((2, n, width))  # the paths that end in a blank, and the others
-    closed[:, 0] = 1
-    for t in range(count):
-        step, characters = steps[:, t], likely[:, t]
-        last, parent, total = (codes % base).astype(np.intp), codes // base, closed + open_
-        said = np.take_along_axis(step, last, 1) * (last > 0)
-
-        # The same text again: a blank, or its last character once more ...
-        stay_closed, stay_open = total * step[:, :1], open_ * said
-        # ... or a shorter one (axis 2) that is kept, too, and becomes this one (axis 1). A
-        # character stands twice in a text only where a blank comes in between.
-        twice = last[:, :, None] == last[:, None, :]
-        grown = np.where(twice, closed[:, None, :], total[:, None, :])
-        grown *= parent[:, :, None] == codes[:, None, :]
-        stay_open += grown.sum(axis=2) * said * (total > 0)
-
-        # A new text: one (axis 1) with one more character (axis 2).
-        twice = last[:, :, None] == characters[:, None, :]
-        grown = np.where(twice, closed[:, :, None], total[:, :, None])
-        grown *= np.take_along_axis(step, characters, 1)[:, None, :]
-        grown[codes >= full] = 0
-        longer = codes[:, :, None] * base + characters[:, None, :].astype(np.uint64)
-        grown, longer = grown.reshape(n, -1), longer.reshape(n, -1)
-        kept = (longer[:, :, None] == codes[:, None, :]) & (total > 0)[:, None, :]
-        grown[kept.any(axis=2)] = 0
-
-        worth = np.concatenate([stay_closed + stay_open, grown], axis=1)
-        order = np.argpartition(-worth, width - 1, axis=1)[:, :width]
-        codes = np.take_along_axis(np.concatenate([codes, longer], axis=1), order, 1)
-        nothing = np.zeros_like(grown)
-        closed = np.take_along_axis(np.concatenate([stay_closed, nothing], axis=1), order, 1)
-        open_ = np.take_along_axis(np.concatenate([stay_open, grown], axis=1), order, 1)
-    return codes, closed + open_
+    codes, found = np.zeros((n, width), np.uint64), np.zeros((n, width))
+    _kernel()(
+        n,
+        count,
+        classes,
+        address(steps, np.float64),
+        width,
+        min(TRIED, classes - 1),
+        _full(classes),
+        address(codes, np.uint64),
+        address(found, np.float64),
+    )
+    return codes, found
 
 
-def _exact(steps: FloatArray, codes: Codes) -> FloatArray:
-    """Probabilities (N, K) of texts (N, K) over all paths: the forward variables of Graves et al.
-
-    Run from the last step to the first, since a number gives its last character first.
-    """
-    n, count, classes = steps.shape
-    digits = []
-    rest = codes
-    while rest.any():
-        digits.append((rest % np.uint64(classes)).astype(np.intp))
-        rest = rest // np.uint64(classes)
-    # States: the characters with blanks around them; beyond a text's end more blanks, unused.
-    states = np.zeros((n, codes.shape[1], 2 * len(digits) + 1), np.intp)
-    for k, digit in enumerate(digits):
-        states[..., 2 * k + 1] = digit
-    leap = (states[..., 2:] > 0) & (states[..., 2:] != states[..., :-2])
-    said = np.take_along_axis(steps[:, ::-1], states.reshape(n, 1, -1), 2)
-    said = said.reshape(n, count, *states.shape[1:])
-    forward = np.zeros(states.shape)
-    forward[..., :2] = said[:, 0, :, :2]
-    for t in range(1, count):
-        came = forward.copy()
-        came[..., 1:] += forward[..., :-1]
-        came[..., 2:] += forward[..., :-2] * leap
-        forward = came * said[:, t]
-    end = 2 * (states[..., 1::2] > 0).sum(axis=2)[..., None]
-    blank, character = (np.take_along_axis(forward, np.maximum(end - k, 0), 2) for k in (0, 1))
-    return np.asarray((blank + np.where(end > 0, character, 0))[..., 0])
+@cache
+def _kernel() -> Any:
+    kernel = library().fronto_ctc_search
+    kernel.argtypes = [
+        *([ctypes.c_int] * 3),
+        ctypes.c_void_p,
+        *([ctypes.c_int] * 2),
+        ctypes.c_uint64,
+        *([ctypes.c_void_p] * 2),
+    ]
+    kernel.restype = None
+    return kernel
 
 
 def _full(classes: int) -> int:
