@@ -9,7 +9,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 from fronto.categories import CATEGORIES
 from fronto.engine import FORMAT
+from fronto.engine.context import FORMAT as CONTEXT_FORMAT
+from fronto.engine.reader import FORMAT as READER_FORMAT
 from fronto.engine.relations import FORMAT as HEAD_FORMAT
+from fronto.labels.alphabet import ALPHABET, KINDS, STEPS
 
 CLASSES = ("background", "up", "plate")
 METADATA = {
@@ -142,6 +145,71 @@ def head(for_network, *, metadata=None, channels=3, classes=3, floats=TensorProt
         )
     )
     return _content(helper.make_graph(nodes, "test", inputs, outputs, constants), metadata)
+
+
+def reader(*, version="0.7"):
+    """A reader that takes every crop for much the same, a little by its brightness."""
+    rng = np.random.default_rng(0)
+    sizes = {"text": STEPS * (1 + len(ALPHABET)), "kind": len(KINDS)}
+    constants = {
+        "channels": np.array([1, 2, 3]),
+        "column": np.array([-1, 1]),
+        "steps": np.array([-1, STEPS, 1 + len(ALPHABET)]),
+        **{f"{k} weights": rng.normal(0, 0.01, (1, n)) for k, n in sizes.items()},
+    }
+    nodes = [
+        helper.make_node("Cast", ["crops"], ["values"], to=TensorProto.FLOAT),
+        helper.make_node("ReduceMean", ["values", "channels"], ["mean"], keepdims=0),
+        helper.make_node("Reshape", ["mean", "column"], ["x"]),
+        helper.make_node("MatMul", ["x", "text weights"], ["flat"]),
+        helper.make_node("Reshape", ["flat", "steps"], ["raw text"]),
+        helper.make_node("Softmax", ["raw text"], ["text"], axis=-1),
+        helper.make_node("MatMul", ["x", "kind weights"], ["raw kind"]),
+        helper.make_node("Softmax", ["raw kind"], ["kind"], axis=-1),
+    ]
+    inputs = [helper.make_tensor_value_info("crops", TensorProto.UINT8, ["n", 48, 48, 3])]
+    outputs = [
+        helper.make_tensor_value_info("text", TensorProto.FLOAT, ["n", STEPS, 1 + len(ALPHABET)]),
+        helper.make_tensor_value_info("kind", TensorProto.FLOAT, ["n", len(KINDS)]),
+    ]
+    tensors = [
+        numpy_helper.from_array(v.astype(np.float32) if v.dtype == float else v, name)
+        for name, v in constants.items()
+    ]
+    stated = {"format": READER_FORMAT, "alphabet": ALPHABET, "kinds": ",".join(KINDS)}
+    graph = helper.make_graph(nodes, "test", inputs, outputs, tensors)
+    return _content(graph, stated | {"version": version})
+
+
+def context_head(
+    for_reader,
+    labels,
+    *,
+    metadata=None,
+    count=None,
+    geometry=31,
+    pair=19,
+    floats=TensorProto.FLOAT,
+    drop=(),
+    operator="Softmax",
+):
+    """A context head for a reader with this content: an operator makes of `ordered` its answer."""
+    stated = {"format": CONTEXT_FORMAT, "network": digits(for_reader), "labels": ",".join(labels)}
+    count = len(labels) + 2 if count is None else count
+    sizes = {
+        **{name: ["n", count] for name in ("own", "seen", "ordered", "labels")},
+        "geometry": ["n", geometry],
+        "pairs": ["n", "n", pair],
+    }
+    nodes = [
+        helper.make_node("Cast", ["ordered"], ["told"], to=TensorProto.FLOAT),
+        helper.make_node(operator, ["told"], ["labels"]),
+    ]
+    names = ("own", "seen", "ordered", "geometry", "pairs")
+    inputs = [helper.make_tensor_value_info(n, floats, sizes[n]) for n in names if n not in drop]
+    outputs = [helper.make_tensor_value_info("labels", TensorProto.FLOAT, sizes["labels"])]
+    graph = helper.make_graph(nodes, "test", inputs, outputs)
+    return _content(graph, stated | (metadata or {}))
 
 
 def digits(content):

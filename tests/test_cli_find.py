@@ -29,7 +29,7 @@ class Stub:
 
     def __init__(self, said: Sequence[tuple[str, float]]) -> None:
         self.said = said
-        self.engine = SimpleNamespace(path=HALL)  # stands for the weights' file
+        self.engine = SimpleNamespace(path=HALL, context=None)  # stands for the weights' file
 
     def read(self, crops: np.ndarray) -> tuple[Reading, ...]:
         return tuple(

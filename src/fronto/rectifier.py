@@ -12,11 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.camera import Camera
+from fronto.cores import usable_cores
 from fronto.errors import InputError
 from fronto.images import as_rgb
 from fronto.labels.name import name_buttons, packaged_reader
 from fronto.outlines import Outlines
 from fronto.outlines import outline as outline_stage
+from fronto.outlines.straight import once_a_photo
 from fronto.pipeline import rectify_outlines
 from fronto.pose.observations import undistorted
 from fronto.rectifieroptions import RectifierOptions
@@ -81,6 +83,8 @@ class Rectifier:
     read
         Another way to name the buttons of a result: from the photo and the result to the result
         with labels.
+    threads
+        That may work at a time; None: those of the engine, else all cores.
 
     Examples
     --------
@@ -101,6 +105,7 @@ class Rectifier:
         outline: Callable[[Segments, Photo], Outlines] | None = None,
         solve: Callable[[Photo, Outlines, Camera], Panel] | None = None,
         read: Callable[[Photo, Panel], Panel] | None = None,
+        threads: int | None = None,
     ) -> None:
         self.options = options or RectifierOptions()
         self.engine = engine
@@ -110,6 +115,9 @@ class Rectifier:
         self._outline = outline or self._outlined
         self._solve = solve or self._solved
         self._read = read or self._named
+        if threads is None:
+            threads = usable_cores() if engine is None else engine.threads
+        self._ahead = self.options.lines and threads > 1
 
     def _segmented(self, photo: Photo) -> Segments:
         o = self.options
@@ -174,8 +182,12 @@ class Rectifier:
         camera
             At its size.
         """
+        with once_a_photo(photo) as look_for_lines:
+            return self._rectified(photo, camera, look_for_lines)
+
+    def _rectified(self, photo: Photo, camera: Camera, look_for_lines: Callable[[], None]) -> Panel:
         begin = time.perf_counter()
-        outlines, notes, timing = self.find(photo)
+        outlines, notes, timing = self.find(photo, look_for_lines if self._ahead else None)
         outlines = within_lens(outlines, camera)
         panel = self._solve(photo, outlines, camera)
         timing |= panel.timing_ms
@@ -213,16 +225,22 @@ class Rectifier:
             return first
         return found_by_itself(second, again) if better(second, first) else first
 
-    def find(self, photo: Photo) -> tuple[Outlines, tuple[str, ...], dict[str, float]]:
+    def find(
+        self, photo: Photo, meanwhile: Callable[[], None] | None = None
+    ) -> tuple[Outlines, tuple[str, ...], dict[str, float]]:
         """The first two stages: a photo's outlines, remarks on it, and milliseconds.
 
         Parameters
         ----------
         photo
             Shape (h, w, 3), uint8, RGB.
+        meanwhile
+            Called between both: begins what can be done beside the second.
         """
         begin = time.perf_counter()
         segments = self._segment(photo)
+        if meanwhile is not None and segments.buttons:
+            meanwhile()
         segmented = time.perf_counter()
         outlines = self._outline(segments, photo)
         end = time.perf_counter()
@@ -254,7 +272,9 @@ class Rectifier:
         if not (panel.buttons or panel.plates):
             return panel
         reader = packaged_reader(None if self.engine is None else self.engine.threads)
-        return panel if reader is None else name_buttons(panel, photo, reader)
+        if reader is None:
+            return panel
+        return name_buttons(panel, photo, reader, reader.engine.context)
 
     def _camera(self, image: Picture, given: Camera | None, width: int, height: int) -> Camera:
         camera = given or self.camera

@@ -139,7 +139,9 @@ class Settings:
         files = [outlines or weights, None if outlines else find_companion(weights)]
         files += [self.template_file, self.source.file, depth]
         reader = packaged_reader(self.threads) if self.options.read_labels else None
-        files.append(None if reader is None else reader.engine.path)
+        if reader is not None:
+            head = reader.engine.context
+            files += [reader.engine.path, None if head is None else head.path]
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
         stated.append(self.length.fields)
         digest = hashlib.sha256(repr(stated).encode())
@@ -170,6 +172,7 @@ class _Work:
             outline=self._outline,
             solve=self._solve_found,
             read=self._name,
+            threads=settings.threads,
         )
 
     def __call__(self, job: Job) -> Outcome:
@@ -317,7 +320,9 @@ class _Work:
         from fronto.labels.name import name_buttons, packaged_reader
 
         reader = packaged_reader(self.settings.threads)
-        return panel if reader is None else name_buttons(panel, image, reader)
+        if reader is None:
+            return panel
+        return name_buttons(panel, image, reader, reader.engine.context)
 
     def _solve_found(
         self, photo: npt.NDArray[np.uint8], outlines: Outlines, camera: Camera

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fronto.engine.companion import find_companion
+from fronto.engine.context import ContextEngine
 from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
 from fronto.errors import InputError
 from fronto.labels.alphabet import CROP_PX, KINDS
@@ -45,7 +47,8 @@ class ReaderEngine:
     ----------
     path
         The ONNX file; None: the one in the package. Where its name ends in eight hexadecimal
-        digits (``fronto-read-1a2b3c4d.onnx``), they must begin its SHA-256.
+        digits (``fronto-read-1a2b3c4d.onnx``), they must begin its SHA-256. The context head
+        beside it (``fronto-read-1a2b3c4d.context-5e6f7a8b.onnx``) is used, where there is one.
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -54,8 +57,9 @@ class ReaderEngine:
     Raises
     ------
     InputError
-        If the file is missing, damaged or another one than its name says, no ONNX, no
-        network of this format, or if a provider or the number of threads cannot be had.
+        If a file is missing, damaged or another one than its name says, no ONNX, no
+        network of this format, a head for another reader, or if a provider or the number of
+        threads cannot be had.
 
     Attributes
     ----------
@@ -69,6 +73,10 @@ class ReaderEngine:
         Names of the channels of `LabelScores.kind`.
     threads
         As given or counted.
+    digest
+        First eight hexadecimal digits of the file's SHA-256.
+    context
+        What weighs the buttons of a panel together; None where there is none.
     """
 
     path: Path
@@ -76,6 +84,8 @@ class ReaderEngine:
     alphabet: str
     kinds: tuple[str, ...]
     threads: int
+    digest: str
+    context: ContextEngine | None
 
     def __init__(
         self,
@@ -104,7 +114,13 @@ class ReaderEngine:
             {"crops": (None, CROP_PX, CROP_PX, 3)},
             {"text": (None, None, 1 + len(self.alphabet)), "kind": (None, len(self.kinds))},
         )
-        self._file = file
+        self._file, self.digest = file, file.digest
+        companion = find_companion(file.path, "context")
+        self.context = None
+        if companion is not None:
+            self.context = ContextEngine(
+                companion, network=file.digest, threads=threads, providers=providers
+            )
 
     def run(self, crops: npt.NDArray[np.uint8]) -> LabelScores:
         """Run the network.

@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fronto.engine.companion import check_companion
 from fronto.engine.onnxfile import FLOATS, OnnxFile
 from fronto.errors import InputError
 from fronto.relations import CELLS, GEOMETRY, PAIR, Candidates
 
-__all__ = ["COMPANION", "FORMAT", "RelationEngine", "Verdicts", "find_companion"]
+__all__ = ["FORMAT", "RelationEngine", "Verdicts"]
 
 #: What the file's inputs and outputs mean; written into it by `fronto.train.relations`.
 FORMAT = "fronto.relations/1"
-#: Between the name of a network's file and the digits of its relation head's.
-COMPANION = ".relations"
 #: Nothing, a button, a plate.
 KINDS = 3
 
@@ -42,31 +41,6 @@ class Verdicts:
     kinds: npt.NDArray[np.float32]
     classes: npt.NDArray[np.float32]
     shifts: npt.NDArray[np.float32]
-
-
-def find_companion(network: Path) -> Path | None:
-    """The relation head that lies beside a network's file; None where there is none.
-
-    Of ``fronto-seg-1a2b3c4d.onnx`` it is ``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``.
-
-    Raises
-    ------
-    InputError
-        If there is more than one.
-    """
-    start = f"{network.stem}{COMPANION}-"
-    try:
-        found = [f for f in network.parent.iterdir() if f.name.startswith(start)]
-    except OSError:  # the network itself tells what is wrong with the folder
-        return None
-    found = [f for f in found if f.suffix == ".onnx"]
-    if len(found) > 1:
-        raise InputError(
-            f"weights {network}",
-            f"expected one relation head beside it, got {', '.join(sorted(f.name for f in found))}",
-            "delete the others",
-        )
-    return found[0] if found else None
 
 
 class RelationEngine:
@@ -115,13 +89,7 @@ class RelationEngine:
     ) -> None:
         file = OnnxFile(path, FORMAT, threads, providers)
         self.path, self.metadata = file.path, file.metadata
-        made_for = file.metadata.get("network", "")
-        if made_for != network:
-            raise InputError(
-                f"{file.thing}, network",
-                f"expected a head for {network}, got one for {made_for or 'none'}",
-                "train one for this network, or delete the file to do without",
-            )
+        check_companion(file, network)
         file.check_signature(
             {
                 "looks": (None, CELLS**2, channels),

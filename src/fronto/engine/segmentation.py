@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fronto.engine.companion import find_companion
 from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
-from fronto.engine.relations import RelationEngine, find_companion
+from fronto.engine.relations import RelationEngine
 from fronto.errors import InputError
 
 __all__ = ["FORMAT", "Engine", "Maps"]

@@ -10,7 +10,7 @@ from fronto.labels.belief import Belief, best, combined, rest
 from fronto.labels.layout import Grid
 from fronto.labels.series import Floor, floor_of, is_floor, label_key
 
-__all__ = ["in_order"]
+__all__ = ["in_order", "once_only"]
 
 #: Distances to two neighbours that differ by less than this share are one pitch.
 EVEN = 0.25
@@ -57,11 +57,11 @@ def in_order(beliefs: Sequence[Belief], grid: Grid) -> tuple[dict[str, float], .
     What each button's label may be, all things considered.
     """
     around = [_Around.of(grid, k) for k in range(len(beliefs))]
-    now = _once_only(beliefs)
+    now = once_only(beliefs)
     for _ in range(ROUNDS):
         floors = _floors(now)
         pulled = [_pulled(b, a.expect(floors)) for b, a in zip(beliefs, around, strict=True)]
-        now = _once_only(pulled)
+        now = once_only(pulled)
     return tuple(_filled(now, beliefs, around))
 
 
@@ -180,7 +180,7 @@ def _pulled(belief: Belief, expected: Belief) -> dict[str, float]:
     return combined(belief, pull)
 
 
-def _once_only(beliefs: Sequence[Belief]) -> list[dict[str, float]]:
+def once_only(beliefs: Sequence[Belief]) -> list[dict[str, float]]:
     """Let each floor be on one button: as likely on each as its odds among those of all.
 
     Of independent claims with probabilities p, of which one at most is true, each is with

@@ -5,17 +5,80 @@ Grompone von Gioi, Jakubowicz, Morel and Randall, "LSD", IPOL 2012.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from contextvars import ContextVar
+from threading import Thread
+
 import numpy as np
 import numpy.typing as npt
 
 from fronto.shapes import FloatArray
 
-__all__ = ["END_STD", "straight_segments"]
+__all__ = ["END_STD", "once_a_photo", "straight_segments"]
+
+#: Ends (n, 2, 2) of segments, and their deviation.
+_Found = tuple[FloatArray, float]
 
 #: Photos are looked at with this many pixels.
 PIXELS = 500_000
 #: Deviation of a segment's ends across it, pixels looked at.
 END_STD = 0.6
+
+
+class _Once:
+    """The segments of one photo: looked for when first asked for, or meanwhile."""
+
+    def __init__(self, rgb: npt.NDArray[np.uint8]) -> None:
+        self.rgb = rgb
+        self._found: Future[_Found] | None = None
+
+    def begin(self) -> None:
+        """Look for them beside what is done next; OpenCV leaves the interpreter alone meanwhile."""
+        self._found = Future()
+        Thread(target=self._look, args=(self._found,), daemon=True).start()
+
+    def get(self) -> _Found:
+        if self._found is None:
+            self._found = Future()
+            self._look(self._found)
+        return self._found.result()
+
+    def _look(self, found: Future[_Found]) -> None:
+        try:
+            found.set_result(_segments(self.rgb, None))
+        except BaseException as error:
+            found.set_exception(error)
+
+    def knows(self, rgb: npt.NDArray[np.uint8]) -> bool:
+        """Whether these are the same pixels, whatever array has them."""
+        ours, theirs = (a.__array_interface__ for a in (self.rgb, rgb))
+        return all(ours[key] == theirs[key] for key in ("data", "shape", "strides"))
+
+
+_ONCE: ContextVar[_Once | None] = ContextVar("once", default=None)
+
+
+@contextmanager
+def once_a_photo(rgb: npt.NDArray[np.uint8]) -> Iterator[Callable[[], None]]:
+    """Within this `straight_segments` of the photo as a whole are looked for once only.
+
+    Parameters
+    ----------
+    rgb
+        As of `straight_segments`; nobody may change it meanwhile.
+
+    Yields
+    ------
+    What may be called to look for them from then on, in a thread.
+    """
+    once = _Once(rgb)
+    token = _ONCE.set(once)
+    try:
+        yield once.begin
+    finally:
+        _ONCE.reset(token)
 
 
 def straight_segments(
@@ -34,6 +97,13 @@ def straight_segments(
     -------
     Their ends (n, 2, 2), photo pixels, and the deviation of an end across its segment.
     """
+    once = _ONCE.get()
+    if field is None and once is not None and once.knows(rgb):
+        return once.get()
+    return _segments(rgb, field)
+
+
+def _segments(rgb: npt.NDArray[np.uint8], field: tuple[FloatArray, FloatArray] | None) -> _Found:
     import cv2
 
     height, width = rgb.shape[:2]

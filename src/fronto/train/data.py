@@ -32,6 +32,7 @@ __all__ = [
     "compressed",
     "cut_out",
     "disturb",
+    "disturbed",
 ]
 
 
@@ -214,6 +215,14 @@ def disturb() -> nn.Module:
         K.RandomMotionBlur((3, 7), (-180.0, 180.0), (-1.0, 1.0), p=0.1),
         K.RandomGaussianNoise(0.0, 0.03, p=0.3),
     )
+
+
+@torch.no_grad()
+def disturbed(image: npt.NDArray[np.uint8], disturbing: nn.Module) -> npt.NDArray[np.uint8]:
+    """One picture (H, W, 3), uint8, as `disturb` leaves it."""
+    pixels = torch.from_numpy(np.array(image)).permute(2, 0, 1)[None].float().div_(255)
+    changed = disturbing(pixels).clamp_(0, 1).mul_(255).round_().to(torch.uint8)
+    return np.ascontiguousarray(changed[0].permute(1, 2, 0).numpy())
 
 
 def compressed(image: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +16,7 @@ from fronto.errors import InputError
 
 __all__ = [
     "averaged_model",
+    "check_run",
     "module_state",
     "numbered",
     "parameter_groups",
@@ -56,9 +57,7 @@ def restart_seed(seed: int, first: int) -> int:
     return seed + 7919 * first
 
 
-def numbered(
-    loader: torch.utils.data.DataLoader[B], first: int, last: int, progress: bool
-) -> Iterator[tuple[int, B]]:
+def numbered(loader: Iterable[B], first: int, last: int, progress: bool) -> Iterator[tuple[int, B]]:
     """Batches with the numbers of their steps, under a progress bar with the time left."""
     from tqdm import tqdm
 
@@ -103,6 +102,32 @@ def same_network(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> N
             f"expected a run of this network ({first}), got one of {second}",
             "name another folder, or give the run's own options",
         )
+
+
+def check_run(run: Path, wanted: Mapping[str, object], fields: Sequence[str]) -> None:
+    """Check what a run's ``options.json`` states, where there is one.
+
+    Raises
+    ------
+    InputError
+        If one of the fields is another than wanted: the run is for another network, or of what
+        was collected in another way.
+    """
+    import msgspec
+
+    try:
+        stated = msgspec.json.decode((run / "options.json").read_bytes(), type=dict[str, object])
+    except FileNotFoundError:
+        return
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(f"run {run}", f"expected its options.json, got: {error}") from None
+    for name in fields:
+        if stated.get(name) != wanted[name]:
+            raise InputError(
+                f"run {run}, {name}",
+                f"expected {stated.get(name)} as before, got {wanted[name]}",
+                "name another folder, or give what the run was begun with",
+            )
 
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:

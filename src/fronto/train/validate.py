@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fronto.engine import Engine, Maps
     from fronto.segments import Segments
 
-__all__ = ["TorchEngine", "validation", "validation_of"]
+__all__ = ["TorchEngine", "spread", "validation", "validation_of"]
 
 
 class TorchEngine:
@@ -49,6 +49,13 @@ class TorchEngine:
             maps.sides,
         )
         return Maps(*(output.float().cpu().numpy() for output in outputs))
+
+
+def spread(images: Sequence[LabeledImage], at_most: int) -> list[LabeledImage]:
+    """So many of the images, evenly spread over them; all where there are no more."""
+    if len(images) <= at_most:
+        return list(images)
+    return [images[k * len(images) // at_most] for k in range(at_most)]
 
 
 def validation(
@@ -91,9 +98,7 @@ def validation_of(
     from fronto.evaluate import evaluate_segmentation
     from fronto.segmentation import segment
 
-    chosen = [images[k * len(images) // at_most] for k in range(at_most)]
-    if len(images) <= at_most:
-        chosen = list(images)
+    chosen = spread(images, at_most)
 
     def predict(image: LabeledImage) -> Segments:
         return segment(image.path, engine=engine, second_look=False)

@@ -15,7 +15,7 @@ from fronto.evaluate.regions import box_overlaps
 from fronto.relations import candidates, looks
 from fronto.scales import first_look
 from fronto.shapes import FloatArray
-from fronto.train.data import Sample, Source, compressed, cut_out, disturb
+from fronto.train.data import Sample, Source, compressed, cut_out, disturb, disturbed
 from fronto.train.relations.pool import Picture
 from fronto.train.targets import Target
 
@@ -67,7 +67,7 @@ def collect(
         shown = _whole(sample) if rng.random() < WHOLE else cut_out(sample, size, rng)
         image = shown.image
         if rng.random() < DISTURBED:
-            image = _disturbed(image, disturbing)
+            image = disturbed(image, disturbing)
         if rng.random() < COMPRESSED:
             image = compressed(image, rng)
         picture = _picture(engine, image, shown.objects)
@@ -89,13 +89,6 @@ def _whole(sample: Sample) -> Sample:
         for o in sample.objects
     ]
     return Sample(view.image, tuple(objects))
-
-
-@torch.no_grad()
-def _disturbed(image: npt.NDArray[np.uint8], disturbing: torch.nn.Module) -> npt.NDArray[np.uint8]:
-    pixels = torch.from_numpy(np.array(image)).permute(2, 0, 1)[None].float().div_(255)
-    changed = disturbing(pixels).clamp_(0, 1).mul_(255).round_().to(torch.uint8)
-    return np.ascontiguousarray(changed[0].permute(1, 2, 0).numpy())
 
 
 def _picture(

@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from fronto.engine import Engine
-from fronto.engine.relations import COMPANION, FORMAT
+from fronto.engine.companion import companion_stem, replace_companion
+from fronto.engine.relations import FORMAT
 from fronto.relations import CELLS, GEOMETRY, PAIR
 from fronto.train.onnxwriter import write_onnx
 from fronto.train.relations.network import RelationNetwork
@@ -82,7 +83,7 @@ def export_relations(
     """
     options = networks[0].options
     n = torch.export.Dim("candidates", min=1)
-    name = f"{engine.path.stem}{COMPANION}"
+    name = companion_stem(engine.path)
     path = write_onnx(
         _Deployed(networks, shown).eval(),
         [
@@ -105,7 +106,5 @@ def export_relations(
         directory=directory,
         name=name,
     )
-    for old in directory.glob(f"{name}-*.onnx"):
-        if old != path:
-            old.unlink()
+    replace_companion(path, name)
     return path

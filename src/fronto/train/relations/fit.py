@@ -1,38 +1,23 @@
-"""The training loop of the relation head: resumable, its run a folder.
-
-``last.pt`` holds all that is needed to go on, ``metrics.csv`` the figures of each checkpoint.
-"""
+"""How the relation head is trained: batches of pictures, and their losses."""
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from torch import Tensor, nn
+from torch import Tensor
 
 from fronto.errors import InputError
 from fronto.relations import GEOMETRY, PAIR, geometry, pairs
+from fronto.train.loop import LoopOptions, train_loop
 from fronto.train.relations.network import Judgement, RelationNetwork, RelationOptions
 from fronto.train.relations.pool import Picture
-from fronto.train.runs import (
-    averaged_model,
-    module_state,
-    numbered,
-    parameter_groups,
-    rate_share,
-    read_checkpoint,
-    restart_seed,
-    same_network,
-    write_checkpoint,
-    write_figures,
-)
+from fronto.train.runs import module_state, read_checkpoint
 
 __all__ = [
     "RelationBatch",
@@ -59,26 +44,13 @@ THINNED, MOST_LOST = 0.6, 0.4
 
 
 @dataclass(frozen=True)
-class RelationFit:
-    """How to train.
+class RelationFit(LoopOptions):
+    """How to train: as `fronto.train.loop.LoopOptions`, and what is left out.
 
     Parameters
     ----------
-    steps
-        Batches in all; the learning rate falls to nothing over them, along a half cosine.
-    batch
-        Pictures in a batch.
-    rate, decay, warmup
-        Highest learning rate and weight decay of AdamW; steps until the rate is full.
-    average
-        Share that is kept of the averaged weights at each step; the average is what is
-        evaluated and exported.
     features
         Share of the features' channels that are left out of a candidate in training.
-    seed
-        Of the order of pictures and of what is left out.
-    save_every
-        Steps between checkpoints.
 
     Raises
     ------
@@ -86,29 +58,12 @@ class RelationFit:
         Naming the field that is out of range.
     """
 
-    steps: int = 9000
-    batch: int = 16
-    rate: float = 2e-3
-    decay: float = 0.02
-    warmup: int = 300
-    average: float = 0.998
     features: float = 0.1
-    seed: int = 0
-    save_every: int = 1000
 
     def __post_init__(self) -> None:
-        for name, least in (("steps", 1), ("batch", 1), ("warmup", 0), ("save_every", 1)):
-            if getattr(self, name) < least:
-                raise InputError(name, f"expected {least} or more, got {getattr(self, name)}")
-        if not (math.isfinite(self.rate) and self.rate > 0):
-            raise InputError("rate", f"expected a number above 0, got {self.rate:g}")
-        if not (math.isfinite(self.decay) and self.decay >= 0):
-            raise InputError("decay", f"expected 0 or more, got {self.decay:g}")
-        for name in ("average", "features"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(
-                    name, f"expected 0 or more and below 1, got {getattr(self, name):g}"
-                )
+        super().__post_init__()
+        if not 0 <= self.features < 1:
+            raise InputError("features", f"expected 0 or more and below 1, got {self.features:g}")
 
 
 class RelationBatch(NamedTuple):
@@ -230,38 +185,24 @@ def fit_relations(
         If the folder holds a run of another head.
     """
     options = options or RelationFit()
-    run.mkdir(parents=True, exist_ok=True)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    network.to(device)
-    averaged = averaged_model(network, options.average)
-    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate)
-    parts: dict[str, Any] = {"network": network, "averaged": averaged, "optimizer": optimizer}
-    first = _resume(run / "last.pt", network, parts) if (run / "last.pt").exists() else 0
-    loader = _batches(pictures, options, restart_seed(options.seed, first))
-    none = torch.zeros(len(RelationLosses._fields))
-    sums, started, since = none, time.monotonic(), first
-    network.train()
-    for step, batch in numbered(loader, first, options.steps, progress):
-        rate = options.rate * rate_share(step, options.warmup, options.steps)
-        for group in optimizer.param_groups:
-            group["lr"] = rate
+
+    def losses(batch: RelationBatch, device: torch.device) -> dict[str, Tensor]:
         batch = RelationBatch(*(part.to(device) for part in batch))
-        losses = _step(network, batch, optimizer, options.features)
-        averaged.update_parameters(network)
-        sums = sums + torch.stack(tuple(part.cpu() for part in losses))
-        done = step + 1
-        if done % options.save_every == 0 or done == options.steps:
-            means = (sums / (done - since)).tolist()
-            figures = dict(zip(RelationLosses._fields, means, strict=True))
-            figures |= {"rate": rate, "seconds": time.monotonic() - started}
-            if validate is not None:
-                figures |= validate(cast(RelationNetwork, averaged.module).eval())
-            write_figures(run / "metrics.csv", done, figures)
-            state = {name: part.state_dict() for name, part in parts.items()}
-            stated = {"step": done, "relation_options": asdict(network.options)}
-            write_checkpoint(run / "last.pt", stated | state)
-            sums, since = none, done
-    return cast(RelationNetwork, averaged.module).eval()
+        looks = _thinned_features(batch.looks, options.features)
+        told = network(looks, batch.geometry, batch.pairs, batch.there)
+        return relation_losses(told, batch)._asdict()
+
+    return train_loop(
+        network,
+        run,
+        options,
+        {"relation_options": asdict(network.options)},
+        lambda seed: _batches(pictures, options, seed),
+        losses,
+        kind=KIND,
+        validate=validate,
+        progress=progress,
+    )
 
 
 def load_relations(path: Path) -> RelationNetwork:
@@ -278,31 +219,12 @@ def load_relations(path: Path) -> RelationNetwork:
     return network.eval()
 
 
-def _resume(path: Path, network: RelationNetwork, parts: dict[str, Any]) -> int:
-    state = read_checkpoint(path, "relation_options", KIND)
-    same_network(path, state["relation_options"], asdict(network.options))
-    for name, part in parts.items():
-        part.load_state_dict(state[name])
-    return int(state["step"])
-
-
-def _step(
-    network: RelationNetwork,
-    batch: RelationBatch,
-    optimizer: torch.optim.Optimizer,
-    left_out: float,
-) -> RelationLosses:
-    looks = batch.looks
-    if left_out > 0:
-        kept = torch.rand(len(looks), 1, looks.shape[2], device=looks.device) >= left_out
-        looks = looks * kept / (1 - left_out)
-    told = network(looks, batch.geometry, batch.pairs, batch.there)
-    losses = relation_losses(told, batch)
-    optimizer.zero_grad(set_to_none=True)
-    losses.total.backward()
-    nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-    optimizer.step()
-    return RelationLosses(*(part.detach() for part in losses))
+def _thinned_features(looks: Tensor, left_out: float) -> Tensor:
+    """Looks (M, 49, C) without some of each candidate's channels."""
+    if left_out <= 0:
+        return looks
+    kept = torch.rand(len(looks), 1, looks.shape[2], device=looks.device) >= left_out
+    return looks * kept / (1 - left_out)
 
 
 class _Batches(torch.utils.data.IterableDataset[RelationBatch]):

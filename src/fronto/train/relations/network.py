@@ -8,22 +8,19 @@ added to the attention's logits.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from fronto.categories import CATEGORIES
 from fronto.errors import InputError
 from fronto.relations import CELLS, GEOMETRY, PAIR
+from fronto.train.attention import AttentionLayer, unseen
 
-__all__ = ["NOWHERE", "Judgement", "RelationNetwork", "RelationOptions"]
+__all__ = ["Judgement", "RelationNetwork", "RelationOptions"]
 
-#: Added to the attention paid to what is not there.
-NOWHERE = -1e4
 #: Channels of the small network that tells of pairs.
 PAIR_WIDTH = 32
 
@@ -84,35 +81,6 @@ class Judgement(NamedTuple):
     shifts: Tensor
 
 
-class _Layer(nn.Module):
-    """Attention to the other candidates, then a small network for each."""
-
-    def __init__(self, width: int, heads: int, dropout: float) -> None:
-        super().__init__()
-        self.heads = heads
-        self.normalize = nn.LayerNorm(width)
-        self.attention = nn.Linear(width, 3 * width)
-        self.joined = nn.Linear(width, width)
-        self.each = nn.Sequential(
-            nn.LayerNorm(width),
-            nn.Linear(width, 2 * width),
-            nn.GELU(),
-            nn.Linear(2 * width, width),
-        )
-        self.dropout = nn.Dropout(dropout)
-
-    def forward(self, x: Tensor, bias: Tensor) -> Tensor:
-        """Takes and gives (B, N, width); the bias is (B, heads, N, N)."""
-        b, n, width = x.shape
-        parts = self.attention(self.normalize(x)).view(b, n, 3, self.heads, width // self.heads)
-        query, key, value = parts.permute(2, 0, 3, 1, 4)
-        logits = query @ key.transpose(-1, -2) / math.sqrt(width // self.heads) + bias
-        y = (logits.softmax(-1) @ value).transpose(1, 2).reshape(b, n, width)
-        x = x + self.dropout(self.joined(y))
-        told: Tensor = x + self.dropout(self.each(x))
-        return told
-
-
 class RelationNetwork(nn.Module):
     """The relation head."""
 
@@ -131,7 +99,7 @@ class RelationNetwork(nn.Module):
             nn.Linear(PAIR_WIDTH, options.heads * options.layers),
         )
         self.layers = nn.ModuleList(
-            _Layer(width, options.heads, options.dropout) for _ in range(options.layers)
+            AttentionLayer(width, options.heads, options.dropout) for _ in range(options.layers)
         )
         last = nn.Linear(width, 3 + len(CATEGORIES) + 4)
         # Untrained, it finds nothing likelier than anything else, and boxes as they are.
@@ -162,7 +130,7 @@ class RelationNetwork(nn.Module):
         x = x + self.place(geometry)
         x = x + self.both(x)
         bias = self.pair(pairs).view(b, n, n, len(self.layers), -1).permute(3, 0, 4, 1, 2)
-        bias = bias + torch.where(there, 0.0, NOWHERE)[:, None, None, :]
+        bias = bias + unseen(there)
         for layer, its in zip(self.layers, bias, strict=True):
             x = layer(x, its)
         return Judgement(*self.last(x).split([3, len(CATEGORIES), 4], dim=-1))

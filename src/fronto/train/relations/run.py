@@ -14,6 +14,7 @@ from fronto.engine import Engine
 from fronto.errors import InputError
 from fronto.train.relations.fit import RelationFit
 from fronto.train.relations.network import RelationNetwork, RelationOptions
+from fronto.train.runs import check_run
 
 if TYPE_CHECKING:
     from fronto.train.data import Source
@@ -146,7 +147,7 @@ def train_relations(
         same_network(run / "last.pt", asdict(found), asdict(options.network))
     values = {"fronto": __version__, "photos": len(photos), "weights": engine.digest}
     values |= asdict(options)
-    _check_run(run, values, ("weights", *COLLECTED))
+    check_run(run, values, ("weights", *COLLECTED))
     run.mkdir(parents=True, exist_ok=True)
     write_bytes(run / "options.json", json_bytes(values))
     pictures: list[Picture] = []
@@ -195,27 +196,8 @@ def publish_relations(
     networks = [load_relations(run / "last.pt") for run in runs]
     for run, network in zip(runs, networks, strict=True):
         same_network(run / "last.pt", asdict(network.options), asdict(networks[0].options))
-        _check_run(run, {"weights": engine.digest}, ("weights",))
+        check_run(run, {"weights": engine.digest}, ("weights",))
     return export_relations(networks, engine, directory, {"version": __version__, **metadata})
-
-
-def _check_run(run: Path, wanted: Mapping[str, object], fields: Sequence[str]) -> None:
-    """Refuse a run for another network, or of what was collected in another way."""
-    import msgspec
-
-    try:
-        stated = msgspec.json.decode((run / "options.json").read_bytes(), type=dict[str, object])
-    except FileNotFoundError:
-        return
-    except (OSError, msgspec.DecodeError) as error:
-        raise InputError(f"run {run}", f"expected its options.json, got: {error}") from None
-    for name in fields:
-        if stated.get(name) != wanted[name]:
-            raise InputError(
-                f"run {run}, {name}",
-                f"expected {stated.get(name)} as before, got {wanted[name]}",
-                "name another folder, or give what the run was begun with",
-            )
 
 
 def _collected(

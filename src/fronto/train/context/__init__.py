@@ -1,0 +1,1 @@
+"""Training of the context head, which names the buttons of a panel together."""
