@@ -87,16 +87,21 @@ def speed() -> float:
 
 
 def identity() -> str:
-    """Which file it is, for its card."""
+    """Which files they are, for their card."""
     engine = ReaderEngine(threads=1)
-    content = engine.path.read_bytes()
-    values = {
-        "file": engine.path.name,
-        "sha256": hashlib.sha256(content).hexdigest(),
-        "size": f"{len(content) / 1e6:.1f} MB",
-        "version": engine.metadata.get("version", ""),
-    }
-    return markdown_table([{"": key, "value": f"`{value}`"} for key, value in values.items()])
+    head = engine.context
+    rows = []
+    for name, one in (("reader", engine), ("context head", head)):
+        if one is None:
+            continue
+        content = one.path.read_bytes()
+        rows += [
+            {"": name, "value": f"`{one.path.name}`"},
+            {"": "its sha256", "value": f"`{hashlib.sha256(content).hexdigest()}`"},
+            {"": "its size", "value": f"{len(content) / 1e6:.1f} MB"},
+            {"": "its version", "value": one.metadata.get("version", "")},
+        ]
+    return markdown_table(rows)
 
 
 def lit_table(photos: list[tuple[list[float], list[bool]]]) -> str:
