@@ -147,7 +147,7 @@ class TestAnswers:
         rows = [[0, 0.5, 0, 0.25, 0.125, 0.125], [1, 0, 0, 0, 0, 0]]
         np.testing.assert_array_equal(repeating.run(telling(rows)), rows)
 
-    @pytest.mark.parametrize("value", [np.nan, np.inf, -0.125])
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -0.125, 0.9])
     def test_no_probabilities(self, repeating: ContextEngine, value: float) -> None:
         rows = np.full((3, COUNT), 1 / COUNT)
         rows[1, 2] = value

@@ -80,10 +80,13 @@ def test_what_is_read_surely_is_declined_rather_than_overruled() -> None:
 
 
 def test_a_floor_that_was_hardly_read_is_inferred() -> None:
-    said: list[Said] = [{"1": 0.4, "7": 0.3}, "unreadable", {"3": 0.4}, {"4": 0.6}, {"open": 0.9}]
+    said: list[Said] = [{"1": 0.4, "7": 0.3}, "unreadable", {"3": 0.2}, {"4": 0.4}, {"open": 0.9}]
     panel = weighed(said, [{"7": 0.9}, {"2": 0.9}, {"3": 0.9}, {"4": 0.9}, {"open": 0.9}])
     assert labels(panel) == ["7", "2", "3", "4", "open"]
     assert sources(panel) == ["inferred", "inferred", "inferred", "button", "button"]
+    # So is a sign.
+    panel = weighed([{"alarm": 0.2}, {"open": 0.4}], [{"alarm": 0.9}, {"open": 0.9}])
+    assert sources(panel) == ["inferred", "button"]
 
 
 def test_labels_that_came_with_the_outlines_stay() -> None:

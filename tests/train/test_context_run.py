@@ -208,6 +208,7 @@ def test_a_run_is_for_one_reader_engine_and_set_of_photos(
     another = Engine(tmp_path / "seg.onnx", threads=1)
     for images, options, used in (
         (photos, once, another),
+        (renders[:1], once, engine),  # as many, but other ones
         (renders, once, engine),
         (photos, replace(once, seed=1), engine),
         (photos, replace(once, network=replace(HEAD, layers=2)), engine),

@@ -29,8 +29,10 @@ NAMED = 0.5
 #: What readings alone make so probable is not overruled by the neighbours, only declined; and where
 #: a button and its plate say different things, so much is asked for.
 CERTAIN = 0.8
-#: A label that readings alone make less probable than this is its neighbours' word.
+#: What readings alone make likelier than not.
 READ = 0.5
+#: A label that readings alone make less probable than this is its neighbours' word.
+HINTED = 0.25
 #: Guesses worth stating.
 GUESSES, LEAST = 5, 1e-3
 
@@ -136,7 +138,7 @@ def _named(button: Button, final: Belief, seen: Belief, own: Belief, plate: Beli
     if not label or probability < NAMED or contradicted or overruled:
         return replace(named, label="", label_source=None)
     source: LabelSource = "button" if own.get(label, 0.0) >= plate.get(label, 0.0) else "plate"
-    if read != label or sure < READ:
+    if read != label or sure < HINTED:
         source = "inferred"
     return replace(named, label=label, label_source=source)
 

@@ -45,7 +45,7 @@ LOST, LOSING = (0.0, 0.05, 0.2), (0.5, 0.3, 0.2)
 class ContextFit(LoopOptions):
     """How to train: `fronto.train.loop.LoopOptions` with values that suit."""
 
-    steps: int = 2500
+    steps: int = 3000
     batch: int = 32
     rate: float = 1.5e-3
     decay: float = 0.05

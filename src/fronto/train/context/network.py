@@ -40,7 +40,7 @@ class ContextOptions:
         Naming the field that is out of range.
     """
 
-    width: int = 128
+    width: int = 96
     layers: int = 3
     heads: int = 4
     dropout: float = 0.2
