@@ -132,7 +132,7 @@ def test_camera_from_fov_focal_length_exif_or_nothing(room: Room) -> None:
     assert room.result()["pose"]["focal_std"] == 0
 
     room.rectify()
-    assert "1.1 times" in room.result()["camera"]["detail"]
+    assert "0.85 times" in room.result()["camera"]["detail"]
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA405] = 27  # 27 mm: f = 27 / 43.27 x 800 = 499.2 px
     with_exif = room.add_photo("exif.jpg", exif=exif)

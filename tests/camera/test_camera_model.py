@@ -91,9 +91,9 @@ def test_fisheye_field_of_view() -> None:
 def test_default_is_wide() -> None:
     camera = Camera.default(480, 640)
     assert camera.matrix == pytest.approx(
-        np.array([[704, 0, 239.5], [0, 704, 319.5], [0, 0, 1]]), abs=1e-9
+        np.array([[544, 0, 239.5], [0, 544, 319.5], [0, 0, 1]]), abs=1e-9
     )
-    assert (camera.source, camera.focal_std) == ("default", 0.3)
+    assert (camera.source, camera.focal_std) == ("default", 0.25)
 
 
 @pytest.mark.parametrize(
