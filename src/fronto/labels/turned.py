@@ -29,6 +29,8 @@ ARROWS = ("up", "down")
 #: Turned, this share of the labels has to be sure, of so many different ones, and this many times
 #: as many and two more than upright: what is seen from aside sometimes looks like something.
 SHARE, DIFFERENT, TIMES = 0.4, 3, 2
+#: So many labels, spread over all, tell which way they lie.
+PROBED = 12
 #: What turning makes upright, by quarter turns counterclockwise.
 WAYS = {1: "to the right", 2: "upside down", 3: "to the left"}
 
@@ -51,18 +53,19 @@ def upright_readings(
     -------
     The readings that are to be used, and how the labels lie: "", or "to the right", say.
     """
-    upright = _sure(readings)
     labels = [k for k, reading in enumerate(readings) if reading.kind not in EMPTY]
     unclear = sum(readings[k].confidence < SURE for k in labels)
-    if unclear < FEW or upright >= ENOUGH * len(labels):
+    if unclear < FEW or _sure(readings) >= ENOUGH * len(labels):
         return readings, ""
-    least = max(SHARE * len(labels), DIFFERENT, TIMES * upright + 2)
-    turned = {turn: read(_turned(crops[labels], turn)) for turn in WAYS}
-    turn = max(turned, key=lambda turn: _sure(turned[turn]))
-    if _sure(turned[turn]) < least:
+    some = labels[:: -(-len(labels) // PROBED)]
+    least = max(SHARE * len(some), DIFFERENT, TIMES * _sure([readings[k] for k in some]) + 2)
+    probed = {turn: read(_turned(crops[some], turn)) for turn in WAYS}
+    turn = max(probed, key=lambda turn: _sure(probed[turn]))
+    if _sure(probed[turn]) < least:
         return readings, ""
+    turned = probed[turn] if len(some) == len(labels) else read(_turned(crops[labels], turn))
     found = list(readings)
-    for k, reading in zip(labels, turned[turn], strict=True):
+    for k, reading in zip(labels, turned, strict=True):
         # Door symbols are upright beside turned floors; but what turned ones show of an arrow
         # points elsewhere, and a turned 4 looks like one.
         text = reading.kind == "text" and reading.confidence >= SURE
