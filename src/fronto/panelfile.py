@@ -32,11 +32,20 @@ DETERMINED = ("ok", "uncertain")
 
 @dataclass(frozen=True)
 class PanelFiles:
-    """The files of one result; `rectified` is None where there is no head-on picture."""
+    """The files of one result.
+
+    Parameters
+    ----------
+    json, overlay, rectified
+        The files; `rectified` is None where there is no head-on picture.
+    values
+        What the JSON says, as of `panel_to_dict`.
+    """
 
     json: Path
     overlay: Path
     rectified: Path | None
+    values: dict[str, Any]
 
 
 def panel_to_dict(
@@ -155,13 +164,14 @@ def write_panel(
         for key, picture in (pictures or {}).items():
             write_png(folder / f"{stem}.{key}.png", picture)
         name = None if panel.view is None else rectified.name
-        write_bytes(json_file, panel_to_json(panel, name, run))
+        values = panel_to_dict(panel, name, run)
+        write_bytes(json_file, json_bytes(values))
     except InputError:
         # An older JSON must not describe the newer pictures.
         with contextlib.suppress(OSError):
             json_file.unlink(missing_ok=True)
         raise
-    return PanelFiles(json_file, overlay, None if panel.view is None else rectified)
+    return PanelFiles(json_file, overlay, None if panel.view is None else rectified, values)
 
 
 def _eight_bit(image: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -190,7 +190,7 @@ class _Work:
 
     def _do(self, job: Job, name: str) -> Outcome:
         from fronto.imageio import read_image
-        from fronto.panelfile import panel_to_dict, write_panel
+        from fronto.panelfile import write_panel
 
         image = read_image(job.photo)
         height, width = image.shape[:2]
@@ -214,9 +214,7 @@ class _Work:
 
             known = self.settings.length.known(job.photo)
             write_template(panel, self.settings.template_out, known)
-        rectified = None if files.rectified is None else files.rectified.name
-        values = panel_to_dict(panel, rectified, run)
-        return Outcome(verdict(panel, files), panel.status, _encoded(values))
+        return Outcome(verdict(panel, files), panel.status, _encoded(files.values))
 
     def _pictures(self, image: npt.NDArray[Any], panel: Panel) -> dict[str, npt.NDArray[Any]]:
         """Further pictures by the middle of their files' names."""

@@ -39,7 +39,7 @@ SIDES = (0.05, 20.0)
 #: Offsets are told exactly up to this, in sides of the panel's typical button.
 NEAR = 2.5
 #: Less probable labels are not worth keeping.
-LEAST = 1e-4
+LEAST = 1e-3
 
 Floats = npt.NDArray[np.float32]
 

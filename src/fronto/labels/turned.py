@@ -30,7 +30,7 @@ ARROWS = ("up", "down")
 #: as many and two more than upright: what is seen from aside sometimes looks like something.
 SHARE, DIFFERENT, TIMES = 0.4, 3, 2
 #: So many labels, spread over all, tell which way they lie.
-PROBED = 12
+PROBED = 8
 #: What turning makes upright, by quarter turns counterclockwise.
 WAYS = {1: "to the right", 2: "upside down", 3: "to the left"}
 
