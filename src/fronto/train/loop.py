@@ -1,4 +1,4 @@
-"""The training loop of the heads beside the networks: resumable, its run a folder.
+"""The training loop of the reader and of the heads beside networks: resumable, its run a folder.
 
 ``last.pt`` holds all that is needed to go on, ``metrics.csv`` the figures of each checkpoint.
 """
@@ -87,9 +87,11 @@ def train_loop(
     options: LoopOptions,
     stated: dict[str, Any],
     batches: Callable[[int], Iterable[B]],
-    losses: Callable[[B, torch.device], dict[str, Tensor]],
+    losses: Callable[[B, torch.device, float], dict[str, Tensor]],
     *,
     kind: str,
+    betas: tuple[float, float] = (0.9, 0.999),
+    most_gradient: float = 1.0,
     validate: Callable[[N], dict[str, float]] | None = None,
     progress: bool = True,
 ) -> N:
@@ -108,10 +110,14 @@ def train_loop(
     batches
         Makes endless batches from a seed.
     losses
-        Of a batch and the device to compute on: the figures to keep, "total" among them, which
-        is what is minimised.
+        Of a batch, the device to compute on, and the share of the steps that is done, 0 to 1:
+        the figures to keep, "total" among them, which is what is minimised.
     kind
         What messages call a checkpoint.
+    betas
+        Memory of AdamW's moments.
+    most_gradient
+        Norm that gradients are cut down to.
     validate
         Called with the averaged network at each checkpoint; its figures go to the metrics.
     progress
@@ -130,7 +136,7 @@ def train_loop(
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network.to(device)
     averaged = averaged_model(network, options.average)
-    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate)
+    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate, betas)
     parts: dict[str, Any] = {"network": network, "averaged": averaged, "optimizer": optimizer}
     first = 0
     if (run / "last.pt").exists():
@@ -143,10 +149,10 @@ def train_loop(
         rate = options.rate * rate_share(step, options.warmup, options.steps)
         for group in optimizer.param_groups:
             group["lr"] = rate
-        told = losses(batch, device)
+        told = losses(batch, device, step / options.steps)
         optimizer.zero_grad(set_to_none=True)
         told["total"].backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        nn.utils.clip_grad_norm_(network.parameters(), most_gradient)
         optimizer.step()
         averaged.update_parameters(network)
         kept.append({name: value.detach().cpu() for name, value in told.items()})

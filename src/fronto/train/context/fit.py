@@ -168,7 +168,7 @@ def fit_context(
     """
     options = options or ContextFit()
 
-    def losses(batch: ContextBatch, device: torch.device) -> dict[str, Tensor]:
+    def losses(batch: ContextBatch, device: torch.device, _: float) -> dict[str, Tensor]:
         batch = ContextBatch(*(part.to(device) for part in batch))
         told = network(*batch[:6])
         known = batch.there & (batch.target >= 0)

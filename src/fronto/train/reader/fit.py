@@ -1,34 +1,21 @@
-"""The training loop of the label reader: resumable, its run a folder.
-
-``last.pt`` holds all that is needed to go on, ``metrics.csv`` the figures of each checkpoint.
-"""
+"""How the label reader is trained: its losses."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import torch
 import torch.nn.functional as F
-from torch import Tensor, nn
+from torch import Tensor
 
+from fronto.errors import InputError
+from fronto.train.loop import LoopOptions, train_loop
 from fronto.train.reader.data import CropBatch, CropSource, crop_batches
 from fronto.train.reader.network import SPELLED, Lesson, ReaderNetwork, ReaderOptions
-from fronto.train.runs import (
-    averaged_model,
-    module_state,
-    numbered,
-    parameter_groups,
-    rate_share,
-    read_checkpoint,
-    restart_seed,
-    same_network,
-    write_checkpoint,
-    write_figures,
-)
+from fronto.train.runs import module_state, read_checkpoint
 
 __all__ = [
     "ReaderFit",
@@ -50,40 +37,37 @@ TEXT_WEIGHT, TEXT_FULL = 0.2, 0.25
 SPELLING_END = 0.6
 #: Memory of AdamW's second moments: the loss of the first steps is tenfold, and is forgotten soon.
 BETAS = (0.9, 0.99)
+#: Norm that gradients are cut down to.
+MOST_GRADIENT = 5.0
 
 
 @dataclass(frozen=True)
-class ReaderFit:
-    """How to train.
+class ReaderFit(LoopOptions):
+    """How to train: as `fronto.train.loop.LoopOptions`, with values that suit.
 
     Parameters
     ----------
-    steps
-        Batches in all; the learning rate falls to nothing over them, along a half cosine.
-    batch
-        Crops in a batch.
-    rate, decay, warmup
-        Highest learning rate and weight decay of AdamW; steps until the rate is full.
-    average
-        Share that is kept of the averaged weights at each step; the average is what is
-        evaluated and exported.
-    seed
-        Of the order of crops and their disturbances.
     workers
         Processes that prepare batches.
-    save_every
-        Steps between checkpoints.
+
+    Raises
+    ------
+    InputError
+        Naming the field that is out of range.
     """
 
     steps: int = 10_000
     batch: int = 128
-    rate: float = 2e-3
-    decay: float = 0.02
-    warmup: int = 300
     average: float = 0.999
-    seed: int = 0
-    workers: int = 1
     save_every: int = 500
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # Batches of one have no spread to normalise by.
+        for name, least in (("batch", 2), ("workers", 0), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise InputError(name, f"expected {least} or more, got {getattr(self, name)}")
 
 
 class ReaderLosses(NamedTuple):
@@ -180,39 +164,26 @@ def fit_reader(
         If the folder holds a run of another network.
     """
     options = options or ReaderFit()
-    run.mkdir(parents=True, exist_ok=True)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-    averaged = averaged_model(network, options.average)
-    optimizer = torch.optim.AdamW(parameter_groups(network, options.decay), options.rate, BETAS)
-    parts: dict[str, Any] = {"network": network, "averaged": averaged, "optimizer": optimizer}
-    first = _resume(run / "last.pt", network, parts) if (run / "last.pt").exists() else 0
-    seed = restart_seed(options.seed, first)
-    loader = crop_batches(sources, batch=options.batch, seed=seed, workers=options.workers)
-    none = torch.zeros(len(ReaderLosses._fields))
-    sums, started, since = none, time.monotonic(), first
-    network.train()
-    for step, batch in numbered(loader, first, options.steps, progress):
-        rate = options.rate * rate_share(step, options.warmup, options.steps)
-        for group in optimizer.param_groups:
-            group["lr"] = rate
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def losses(batch: CropBatch, device: torch.device, share: float) -> dict[str, Tensor]:
         batch = CropBatch(*(part.to(device) for part in batch))
-        losses = _step(network, batch, optimizer, step / options.steps)
-        averaged.update_parameters(network)
-        sums = sums + torch.stack(losses).detach().cpu()
-        done = step + 1
-        if done % options.save_every == 0 or done == options.steps:
-            means = (sums / (done - since)).tolist()
-            figures = dict(zip(ReaderLosses._fields, means, strict=True))
-            figures |= {"rate": rate, "seconds": time.monotonic() - started}
-            if validate is not None:
-                figures |= validate(cast(ReaderNetwork, averaged.module).eval())
-            write_figures(run / "metrics.csv", done, figures)
-            states = {name: part.state_dict() for name, part in parts.items()}
-            options_now = {"step": done, "reader_options": _options_of(network)}
-            write_checkpoint(run / "last.pt", options_now | states)
-            sums, since = none, done
-    return cast(ReaderNetwork, averaged.module).eval()
+        image = network_input(batch.crops).contiguous(memory_format=torch.channels_last)
+        return reader_losses(network.lesson(image), batch, share)._asdict()
+
+    return train_loop(
+        network,
+        run,
+        options,
+        {"reader_options": _options_of(network)},
+        lambda seed: crop_batches(sources, batch=options.batch, seed=seed, workers=options.workers),
+        losses,
+        kind=KIND,
+        betas=BETAS,
+        most_gradient=MOST_GRADIENT,
+        validate=validate,
+        progress=progress,
+    )
 
 
 def load_reader(path: Path) -> ReaderNetwork:
@@ -230,25 +201,5 @@ def load_reader(path: Path) -> ReaderNetwork:
     return network.eval()
 
 
-def _step(
-    network: ReaderNetwork, batch: CropBatch, optimizer: torch.optim.Optimizer, share: float
-) -> ReaderLosses:
-    image = network_input(batch.crops).contiguous(memory_format=torch.channels_last)
-    losses = reader_losses(network.lesson(image), batch, share)
-    optimizer.zero_grad(set_to_none=True)
-    losses.total.backward()
-    nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-    optimizer.step()
-    return losses
-
-
 def _options_of(network: ReaderNetwork) -> dict[str, Any]:
     return asdict(network.options) | {"stages": list(network.options.stages)}
-
-
-def _resume(path: Path, network: ReaderNetwork, parts: dict[str, Any]) -> int:
-    state = read_checkpoint(path, "reader_options", KIND)
-    same_network(path, state["reader_options"], _options_of(network))
-    for name, part in parts.items():
-        part.load_state_dict(state[name])
-    return int(state["step"])

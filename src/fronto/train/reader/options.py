@@ -16,7 +16,6 @@ Every field may be left out::
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,9 +25,6 @@ from fronto.train.reader.fit import ReaderFit
 from fronto.train.reader.network import ReaderOptions
 
 __all__ = ["ReaderTrainOptions", "read_reader_options"]
-
-#: Least values of whole numbers in "fit".
-LEAST = {"steps": 1, "batch": 2, "warmup": 0, "seed": 0, "workers": 0, "save_every": 1}
 
 
 @dataclass(frozen=True)
@@ -71,18 +67,6 @@ class ReaderTrainOptions:
         for name, value, least in (("reuse", self.reuse, 1), ("threads", self.threads, 0)):
             if value < least:
                 raise InputError(name, f"expected {least} or more, got {value}")
-        for name, least in LEAST.items():
-            value = getattr(self.fit, name)
-            if value < least:
-                raise InputError(f"fit.{name}", f"expected {least} or more, got {value}")
-        if not (math.isfinite(self.fit.rate) and self.fit.rate > 0):
-            raise InputError("fit.rate", f"expected a number above 0, got {self.fit.rate:g}")
-        if not (math.isfinite(self.fit.decay) and self.fit.decay >= 0):
-            raise InputError("fit.decay", f"expected 0 or more, got {self.fit.decay:g}")
-        if not 0 <= self.fit.average < 1:
-            raise InputError(
-                "fit.average", f"expected 0 or more and below 1, got {self.fit.average:g}"
-            )
         for name, width in (
             ("stem", self.network.stem),
             ("stages", min(self.network.stages)),

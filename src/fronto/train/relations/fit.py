@@ -186,7 +186,7 @@ def fit_relations(
     """
     options = options or RelationFit()
 
-    def losses(batch: RelationBatch, device: torch.device) -> dict[str, Tensor]:
+    def losses(batch: RelationBatch, device: torch.device, _: float) -> dict[str, Tensor]:
         batch = RelationBatch(*(part.to(device) for part in batch))
         looks = _thinned_features(batch.looks, options.features)
         told = network(looks, batch.geometry, batch.pairs, batch.there)
