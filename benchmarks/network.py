@@ -14,10 +14,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from fronto import maskhead
 from fronto.engine import Engine, find_companion, find_weights
 from fronto.imageio import write_png
 from fronto.relations import candidates, describe
-from fronto.segmentation import segment
+from fronto.segmentation import finds_in, segment
 from fronto.synth.photo import PanelPhoto, render_photo
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -65,20 +66,25 @@ def times_ms(call: Callable[[int], object], runs: int) -> tuple[float, float]:
 
 
 def network_ms(engine: Engine, runs: int) -> tuple[float, float]:
-    """The network and its relation head on one 640x480 picture: what ONNX Runtime takes."""
-    photo = next(renders(1)).image[None]
-    maps, head = engine.run(photo), engine.relations
-    told = None
-    if head is not None and maps.features is not None:
+    """The network and its heads on one 640x480 picture: what ONNX Runtime takes."""
+    image = next(renders(1)).image
+    photo = image[None]
+    maps = engine.run(photo)
+    told = patches = None
+    if engine.relations is not None and maps.features is not None:
         found = candidates(maps.centers[0], maps.sides[0], maps.classes[0], engine.stride)
-        told = describe(found, maps.features[0], engine.stride, photo.shape[1:3])
+        told = describe(found, maps.features[0], engine.stride, image.shape[:2])
+    if engine.masks is not None:
+        patches = maskhead.describe(image, finds_in(engine, image, 0.5, second_look=False)[0])
 
-    def both(_: int) -> None:
+    def all_of_them(_: int) -> None:
         engine.run(photo)
-        if head is not None and told is not None:
-            head.run(told)
+        if engine.relations is not None and told is not None:
+            engine.relations.run(told)
+        if engine.masks is not None and patches is not None:
+            engine.masks.run(patches)
 
-    return times_ms(both, runs)
+    return times_ms(all_of_them, runs)
 
 
 def speed(weights: Path, runs: int) -> dict[str, float]:
@@ -103,14 +109,22 @@ def peak_memory_mb(weights: Path) -> float:
     return int(done.stdout) / MEGABYTE
 
 
+def companions(weights: Path) -> dict[str, Path]:
+    """The heads that lie beside a network's file, by what they are called."""
+    found = {
+        "relation head": find_companion(weights),
+        "mask head": find_companion(weights, "masks"),
+    }
+    return {name: path for name, path in found.items() if path is not None}
+
+
 def package_mb(weights: Path) -> float:
     """The installed package with these weights in it."""
     source = ROOT / "src" / "fronto"
     files = [f for f in source.rglob("*") if f.is_file() and f.suffix != ".pyc"]
     shipped = [f for f in files if not any(p.startswith(".") for p in f.relative_to(source).parts)]
-    found = {find_weights(), find_companion(find_weights())}
-    shipped = [f for f in shipped if f not in found]
-    shipped += [f for f in (weights, find_companion(weights)) if f is not None]
+    ours, theirs = ([path, *companions(path).values()] for path in (find_weights(), weights))
+    shipped = [f for f in shipped if f not in ours] + theirs
     return sum(f.stat().st_size for f in shipped) / MEGABYTE
 
 

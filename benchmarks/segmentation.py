@@ -22,12 +22,12 @@ from fronto.datasets.annotated import read_annotated
 from fronto.datasets.panels import read_panels
 from fronto.datasets.records import LabeledImage
 from fronto.datasets.renders import labeled_render
-from fronto.engine import Engine, find_companion, find_weights
+from fronto.engine import Engine, find_weights
 from fronto.evaluate import SegmentationReport, evaluate_segmentation, panels_missing
 from fronto.files import json_bytes
 from fronto.segmentation import segment
 from fronto.segments import Segments
-from network import MEGABYTE, measured, renders
+from network import MEGABYTE, companions, measured, renders
 from report import SKIPPED, Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -71,13 +71,12 @@ def evaluated_renders(count: int, engine: Engine) -> SegmentationReport:
 def identity(weights: Path) -> dict[str, str]:
     content = weights.read_bytes()
     metadata = Engine(weights).metadata
-    head = find_companion(weights)
     beside = {}
-    if head is not None:
-        beside = {
-            "relation head": head.name,
-            "its sha256": hashlib.sha256(head.read_bytes()).hexdigest(),
-            "its size": f"{head.stat().st_size / MEGABYTE:.1f} MB",
+    for name, head in companions(weights).items():
+        beside |= {
+            name: head.name,
+            f"{name}: sha256": hashlib.sha256(head.read_bytes()).hexdigest(),
+            f"{name}: size": f"{head.stat().st_size / MEGABYTE:.1f} MB",
         }
     return {
         "file": weights.name,
@@ -118,7 +117,7 @@ def targets(
         Target(on_annotated + "median IoU of those found", a.iou_quartiles[1] if a else nan, 0.88),
         Target("rendered panels: mIoU of pixels", rendered.mean_iou, 0.93),
         Target(
-            "640x480, two threads: network and head",
+            "640x480, two threads: network and heads",
             figures["network_2_ms"],
             60,
             True,
@@ -178,8 +177,8 @@ def speed_text(figures: dict[str, float]) -> str:
             "best ms": f"{figures[f'{key}_best_ms']:.1f}",
         }
         for name, key in (
-            ("network and head, 1 thread", "network_1"),
-            ("network and head, 2 threads", "network_2"),
+            ("network and heads, 1 thread", "network_1"),
+            ("network and heads, 2 threads", "network_2"),
             ("whole `segment()`, 2 threads", "segment"),
         )
     ]

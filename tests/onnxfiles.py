@@ -10,6 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 from fronto.categories import CATEGORIES
 from fronto.engine import FORMAT
 from fronto.engine.context import FORMAT as CONTEXT_FORMAT
+from fronto.engine.masks import FORMAT as MASK_FORMAT
 from fronto.engine.reader import FORMAT as READER_FORMAT
 from fronto.engine.relations import FORMAT as HEAD_FORMAT
 from fronto.labels.alphabet import ALPHABET, KINDS, STEPS
@@ -145,6 +146,58 @@ def head(for_network, *, metadata=None, channels=3, classes=3, floats=TensorProt
         )
     )
     return _content(helper.make_graph(nodes, "test", inputs, outputs, constants), metadata)
+
+
+def mask_head(
+    for_network,
+    *,
+    metadata=None,
+    side=48,
+    forms=3,
+    inputs=TensorProto.UINT8,
+    drop=(),
+    shown="rough",
+    operators=("Identity", "Softmax"),
+):
+    """A mask head for a network with this content.
+
+    Its masks are the rough ones, or with `shown` "red" that channel of the photo; its forms are
+    the softmax of the mean red, green and blue. All are taken as shares of 255.
+    """
+    metadata = {"format": MASK_FORMAT, "network": digits(for_network)} | (metadata or {})
+    sizes = {
+        "photo": ["n", side, side, 3],
+        "rough": ["n", side, side],
+        "masks": ["n", side, side],
+        "forms": ["n", forms],
+    }
+    told = {"rough": "rough", "red": "reds"}[shown]
+    nodes = [
+        helper.make_node("Gather", ["photo", "zero"], ["reds"], axis=3),
+        helper.make_node("Cast", [told], ["bytes"], to=TensorProto.FLOAT),
+        helper.make_node("Div", ["bytes", "white"], ["shares"]),
+        helper.make_node(operators[0], ["shares"], ["masks"]),
+        helper.make_node("Cast", ["photo"], ["colors"], to=TensorProto.FLOAT),
+        helper.make_node("Div", ["colors", "white"], ["bright"]),
+        helper.make_node("ReduceMean", ["bright", "places"], ["means"], keepdims=0),
+        helper.make_node("Concat", ["means", "means"], ["twice"], axis=1),
+        helper.make_node("Slice", ["twice", "first", "count", "axis"], ["sliced"]),
+        helper.make_node(operators[1], ["sliced"], ["forms"]),
+    ]
+    constants = {
+        "white": np.float32(255),
+        "zero": np.array(0),
+        "places": np.array([1, 2]),
+        "first": np.array([0]),
+        "count": np.array([forms]),
+        "axis": np.array([1]),
+    }
+    given, answers = (
+        [helper.make_tensor_value_info(n, kind, sizes[n]) for n in names if n not in drop]
+        for names, kind in ((("photo", "rough"), inputs), (("masks", "forms"), TensorProto.FLOAT))
+    )
+    tensors = [numpy_helper.from_array(np.asarray(v), name) for name, v in constants.items()]
+    return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
 
 
 def reader(*, version="0.7"):

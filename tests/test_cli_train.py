@@ -1,4 +1,4 @@
-"""`fronto train`, `fronto relations`, `fronto export` and `fronto curves`."""
+"""`fronto train`, `fronto relations`, `fronto masks`, `fronto export` and `fronto curves`."""
 
 from __future__ import annotations
 
@@ -67,6 +67,7 @@ def options(tmp_path: Path) -> Path:
         ["train", "-o", "run"],
         ["export", "run", "-o", "out"],
         ["relations", "-o", "run", "-d", "out"],
+        ["masks", "-o", "run", "-d", "out"],
     ],
 )
 def test_without_torch_it_says_what_to_install(
@@ -176,6 +177,95 @@ def test_relations_refuses(data: Path, tmp_path: Path) -> None:
     refused(run(*common, "--val", tmp_path / "nowhere"), "nowhere")
     refused(run("relations", tmp_path / "no data", "-o", out, "-d", tmp_path), "no data")
     refused(run("relations", "-o", out, "-d", tmp_path, "--renders", 0.5), "DATA")
+    assert not out.exists()
+
+
+@pytest.fixture
+def outlined(tmp_path: Path) -> Path:
+    """A rendered panel, its outlines labelled in LabelMe."""
+    from fronto.synth.photo import render_photo
+
+    folder = tmp_path / "outlined"
+    folder.mkdir()
+    photo = render_photo(np.random.default_rng(3), 320, 240)
+    Image.fromarray(photo.image).save(folder / "a.png")
+    shapes = [
+        {"label": o.category, "points": o.polygon_px.tolist(), "shape_type": "polygon"}
+        for o in photo.objects
+    ]
+    values = {"shapes": shapes, "imagePath": "a.png", "imageWidth": 320, "imageHeight": 240}
+    (folder / "a.json").write_text(json.dumps(values))
+    return folder
+
+
+@needs_torch
+def test_a_mask_head_for_the_packaged_network(
+    outlined: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from fronto.engine import Engine, MaskEngine, find_weights
+
+    monkeypatch.setattr("fronto.train.masks.collect.SIZES", ((160, 120),))
+    weights = tmp_path / find_weights().name
+    weights.write_bytes(find_weights().read_bytes())
+    assert Engine(weights).masks is None
+    common = ["masks", outlined, "-o", tmp_path / "run", "--batch", 8, "--quiet"]
+    common += ["--pictures", 2, "--steps", 1, "--rate", 0.001, "--seed", 4]
+    stated = ["--license", "MIT", "--data", "a render"]
+    result = run(*common, "--weights", weights, *stated)
+    assert result.exit_code == 0, result.output
+    head = Engine(weights).masks
+    assert isinstance(head, MaskEngine)
+    assert head.path.parent == tmp_path
+    assert head.metadata["license"] == "MIT"
+    assert head.metadata["training_data"] == "a render"
+    noted = json.loads((tmp_path / "run" / "options.json").read_bytes())
+    assert (noted["pictures"], noted["photos"], noted["renders"]) == (2, 1, 0.7)
+    assert (noted["seed"], noted["fit"]["seed"], noted["fit"]["steps"]) == (4, 4, 1)
+    assert (noted["fit"]["batch"], noted["fit"]["rate"]) == (8, 0.001)
+
+
+@needs_torch
+def test_without_data_a_mask_head_learns_from_renders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from fronto.engine import find_weights
+
+    asked = []
+
+    def train(photos: list, engine: Any, folder: Path, options: Any, *, progress: bool) -> None:
+        asked.append((photos, engine.path, folder, options, progress))
+
+    def publish(folder: Path, engine: Any, where: Path, metadata: dict[str, str]) -> Path:
+        asked.append((folder, where, metadata))
+        return find_weights()
+
+    monkeypatch.setattr("fronto.train.masks.run.train_masks", train)
+    monkeypatch.setattr("fronto.train.masks.run.publish_masks", publish)
+    result = run("masks", "-o", tmp_path / "run", "-d", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    photos, path, folder, options, progress = asked[0]
+    assert (photos, path, folder, progress) == ([], find_weights(), tmp_path / "run", True)
+    assert (options.renders, options.pictures, options.seed) == (1.0, 9000, 0)
+    assert (options.fit.steps, options.fit.batch, options.fit.rate) == (12_000, 96, 3e-3)
+    assert asked[1] == (tmp_path / "run", tmp_path / "out", {})
+    assert "0 photos" in result.stderr + result.stdout
+
+
+@needs_torch
+def test_masks_refuses(data: Path, outlined: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    common = ["masks", outlined, "-o", out, "--steps", 1, "--pictures", 1]
+    refused(run(*common), "--weights")
+    refused(run(*common, "--weights", tmp_path / "none.onnx"), "none.onnx")
+    common += ["-d", tmp_path]
+    refused(run(*common, "--split", "nowhere"), "nowhere")
+    refused(run(*common, "--renders", 1.5), "--renders")
+    refused(run(*common, "--rate", 0), "--rate")
+    refused(run("masks", tmp_path / "no data", "-o", out, "-d", tmp_path), "no data")
+    for renders in (0, 0.5):
+        refused(run("masks", "-o", out, "-d", tmp_path, "--renders", renders), "DATA")
+    # Boxes only do not help.
+    refused(run("masks", data, "-o", out, "-d", tmp_path), "outlines")
     assert not out.exists()
 
 

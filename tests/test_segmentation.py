@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from fronto.categories import CATEGORIES
 from fronto.engine import Maps, Verdicts
 from fronto.errors import InputError
+from fronto.finds import owned
 from fronto.relations import Candidates
-from fronto.segmentation import _owned, segment
+from fronto.segmentation import segment
 from fronto.segments import Segment, Segments
 
 
@@ -36,6 +37,7 @@ class Oracle:
     """Takes bright things for buttons: boxes are those of bright pieces in what it is shown."""
 
     relations: AllAlike | None = None
+    masks: None = None
     stride: int = 4
     shapes: list[tuple[int, ...]] = field(default_factory=list)
 
@@ -259,10 +261,10 @@ def test_neighbours_on_a_turned_keypad_keep_their_corners(roll_deg: float) -> No
     centers = 24 * grid @ turn + 60
     reach = 11 * (abs(np.cos(a)) + abs(np.sin(a)))
     boxes = np.hstack([centers - reach, centers + reach])
-    low = np.array([30, 30])
-    owned = _owned(boxes, 4, low, 61, 61)
+    at = np.arange(30.0, 91.0)
+    own = owned(boxes, 4, at, at)
     y, x = np.mgrid[30:91, 30:91] - 60.0
     places = np.stack([x, y], axis=-1) @ turn.T
-    assert owned[(np.abs(places) <= 11).all(axis=-1)].all()
+    assert own[(np.abs(places) <= 11).all(axis=-1)].all()
     neighbour = (np.abs(places - (24, 0)) <= 11).all(axis=-1)
-    assert not owned[neighbour].any()
+    assert not own[neighbour].any()

@@ -14,6 +14,8 @@ from fronto.errors import InputError
 __all__ = ["Segment", "Segments"]
 
 FloatMask = npt.NDArray[np.float32]
+#: Quad, ellipse, another shape.
+FORMS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +40,14 @@ class Segment:
         Probability of each category, in the order of `CATEGORIES`; () where unknown.
     truncated
         Whether it touches the photo's border.
+    forms
+        Probability of being a quad, an ellipse, another shape (`fronto.maskhead.FORMS`), as a
+        mask head sees it; () where nobody has told.
 
     Raises
     ------
     InputError
-        If the category is none, or the arrays' shapes do not fit.
+        If the category is none, or the shapes of the arrays or of `forms` do not fit.
     """
 
     category: str
@@ -52,6 +57,7 @@ class Segment:
     probability: FloatMask
     scores: tuple[float, ...] = ()
     truncated: bool = False
+    forms: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.category not in CATEGORIES[1:]:
@@ -64,6 +70,8 @@ class Segment:
             )
         if not np.isfinite(probability).all():
             raise InputError("probability", "expected finite numbers, got NaN or infinity")
+        if self.forms and len(self.forms) != FORMS:
+            raise InputError("forms", f"expected {FORMS} probabilities, got {len(self.forms)}")
         probability.setflags(write=False)
         object.__setattr__(self, "probability", probability)
 

@@ -5,6 +5,8 @@ Pixel coordinates: x right, y down, centre of the top-left pixel = (0, 0).
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -341,31 +343,36 @@ def check_corners(corners: npt.ArrayLike) -> FloatArray:
         sides, a corner that turns inwards, or corners that run counter-clockwise (mirrored).
     """
     array = frozen_array(corners, (4, 2), "corners")
-    sides = np.roll(array, -1, axis=0) - array
-    lengths = np.hypot(sides[:, 0], sides[:, 1])
-    diagonals = np.hypot(*(array[2:] - array[:2]).T)
-    scale = float(max(lengths.max(), diagonals.max()))
-    if scale == 0 or min(lengths.min(), diagonals.min()) < 1e-6 * scale:
+    # Four points are too few for NumPy: plain numbers take a tenth of the time.
+    points = array.tolist()
+    sides = [
+        (d[0] - c[0], d[1] - c[1]) for c, d in zip(points, points[1:] + points[:1], strict=True)
+    ]
+    lengths = [math.hypot(*side) for side in sides]
+    diagonals = [math.dist(points[k], points[k + 2]) for k in (0, 1)]
+    scale = max(*lengths, *diagonals)
+    if scale == 0 or min(*lengths, *diagonals) < 1e-6 * scale:
         raise InputError(
             "corners",
             "expected four different points, got coinciding ones",
             "mark all four corners, or leave the button out",
         )
-    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
+    turns = [s[0] * t[1] - s[1] * t[0] for s, t in zip(sides, sides[1:] + sides[:1], strict=True)]
+    least = 1e-9 * scale * scale
+    if min(turns) > least:
+        return array
     order = "order them top-left, top-right, bottom-right, bottom-left (fronto.order_corners does)"
-    if (np.abs(turns) <= 1e-9 * scale**2).all():
+    if max(map(abs, turns)) <= least:
         raise InputError(
             "corners",
             "expected a convex quadrilateral, got points on one line",
             "mark all four corners, or leave the button out",
         )
-    if (turns <= 1e-9 * scale**2).all():
+    if max(turns) <= least:
         raise InputError(
             "corners", "expected clockwise corners, got counter-clockwise (mirrored) ones", order
         )
-    if (turns > 1e-9 * scale**2).all():
-        return array
-    if sum(turns > 0) == 2:
+    if sum(turn > 0 for turn in turns) == 2:
         raise InputError("corners", "expected a simple quadrilateral, got crossing sides", order)
     raise InputError(
         "corners",
@@ -399,13 +406,14 @@ def order_corners(points: npt.ArrayLike | Sequence[Sequence[float]]) -> FloatArr
 
 def upright_order(array: FloatArray) -> FloatArray:
     """`order_corners` without its checks: four points (4, 2), which may bound nothing."""
-    offset = array - array.mean(axis=0)
-    clockwise = array[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]), kind="stable")]
+    points = array.tolist()
+    x, y = (sum(p[k] for p in points) / 4 for k in (0, 1))
+    points.sort(key=lambda p: math.atan2(p[1] - y, p[0] - x))
     # The upper side is the one whose outward normal points up the most: its direction,
     # walked clockwise, is the one closest to +x.
-    sides = np.roll(clockwise, -1, axis=0) - clockwise
-    lengths = np.maximum(np.hypot(sides[:, 0], sides[:, 1]), np.finfo(float).tiny)
+    along = []
+    for (x0, y0), (x1, y1) in zip(points, points[1:] + points[:1], strict=True):
+        along.append((x1 - x0) / max(math.hypot(x1 - x0, y1 - y0), sys.float_info.min))
     # Opposite sides agree on the direction; using both keeps slanted quads right.
-    along = sides[:, 0] / lengths
-    first = int(np.argmax(along - np.roll(along, -2)))
-    return np.asarray(np.roll(clockwise, -first, axis=0))
+    first = max(range(4), key=lambda k: along[k] - along[k - 2])
+    return np.array(points[first:] + points[:first])

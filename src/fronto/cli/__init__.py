@@ -27,6 +27,7 @@ COMMANDS = (
     "train",
     "export",
     "relations",
+    "masks",
     "evaluate",
     "render",
     "curves",

@@ -2,6 +2,7 @@
 
 from fronto.engine.companion import find_companion
 from fronto.engine.context import ContextEngine
+from fronto.engine.masks import DrawnMasks, MaskEngine
 from fronto.engine.onnxfile import find_weights
 from fronto.engine.reader import LabelScores, ReaderEngine
 from fronto.engine.relations import RelationEngine, Verdicts
@@ -10,9 +11,11 @@ from fronto.engine.segmentation import FORMAT, Engine, Maps
 __all__ = [
     "FORMAT",
     "ContextEngine",
+    "DrawnMasks",
     "Engine",
     "LabelScores",
     "Maps",
+    "MaskEngine",
     "ReaderEngine",
     "RelationEngine",
     "Verdicts",

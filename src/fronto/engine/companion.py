@@ -16,8 +16,9 @@ __all__ = [
     "replace_companion",
 ]
 
-#: Which heads there are: of finds (`fronto.relations`), and of labels (`fronto.labels.context`).
-HeadKind = Literal["relations", "context"]
+#: Which heads there are: of finds (`fronto.relations`), of their masks (`fronto.maskhead`), and of
+#: labels (`fronto.labels.context`).
+HeadKind = Literal["relations", "masks", "context"]
 
 
 def companion_stem(network: Path, kind: HeadKind = "relations") -> str:
@@ -29,7 +30,8 @@ def find_companion(network: Path, kind: HeadKind = "relations") -> Path | None:
     """The head that lies beside a network's file; None where there is none.
 
     The relation head of ``fronto-seg-1a2b3c4d.onnx`` is
-    ``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, the context head of a reader's
+    ``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, its mask head
+    ``fronto-seg-1a2b3c4d.masks-5e6f7a8b.onnx``; the context head of a reader's
     ``fronto-read-1a2b3c4d.onnx`` is ``fronto-read-1a2b3c4d.context-5e6f7a8b.onnx``.
 
     Raises

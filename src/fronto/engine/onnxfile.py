@@ -137,7 +137,12 @@ class OnnxFile:
                     )
 
     def run(
-        self, inputs: Mapping[str, npt.NDArray[Any]], outputs: Mapping[str, Sizes], remedy: str
+        self,
+        inputs: Mapping[str, npt.NDArray[Any]],
+        outputs: Mapping[str, Sizes],
+        remedy: str,
+        *,
+        finite: bool = False,
     ) -> list[npt.NDArray[np.float32]]:
         """Run the network.
 
@@ -149,6 +154,8 @@ class OnnxFile:
             Names of the outputs and the shapes that they must have.
         remedy
             What the user can do where the network does not run.
+        finite
+            Whether answers that are no numbers are refused.
 
         Returns
         -------
@@ -157,7 +164,7 @@ class OnnxFile:
         Raises
         ------
         InputError
-            If it does not run on them, or an output has another shape.
+            If it does not run on them, or an output has another shape or is refused.
         """
         try:
             found = self._session.run(
@@ -176,6 +183,12 @@ class OnnxFile:
                     self.thing,
                     f"expected {output} of shape {_sizes(shape)}, got {_sizes(values.shape)}",
                     "export the network again",
+                )
+            if finite and not np.isfinite(values).all():
+                raise InputError(
+                    f"{self.thing}, {output}",
+                    "expected finite numbers, got others",
+                    "train it again",
                 )
         return list(found)
 

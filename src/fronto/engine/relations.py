@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from fronto.engine.companion import check_companion
 from fronto.engine.onnxfile import FLOATS, OnnxFile
-from fronto.errors import InputError
 from fronto.relations import CELLS, GEOMETRY, PAIR, Candidates
 
 __all__ = ["FORMAT", "RelationEngine", "Verdicts"]
@@ -116,12 +115,4 @@ class RelationEngine:
             "pairs": candidates.pairs,
         }
         shapes = {"kinds": (n, KINDS), "classes": (n, self._classes), "shifts": (n, 4)}
-        found = self._file.run(inputs, shapes, "give another network")
-        for name, values in zip(shapes, found, strict=True):
-            if not np.isfinite(values).all():
-                raise InputError(
-                    f"{self._file.thing}, {name}",
-                    "expected finite numbers, got others",
-                    "train it again",
-                )
-        return Verdicts(*found)
+        return Verdicts(*self._file.run(inputs, shapes, "give another network", finite=True))

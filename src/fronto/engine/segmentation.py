@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.engine.companion import find_companion
+from fronto.engine.masks import MaskEngine
 from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
 from fronto.engine.relations import RelationEngine
 from fronto.errors import InputError
@@ -64,8 +65,9 @@ class Engine:
     path
         The ONNX file, as ``fronto export`` writes it; None: the one in the package. Where
         its name ends in eight hexadecimal digits (``fronto-seg-1a2b3c4d.onnx``), they must
-        begin its SHA-256. The relation head that lies beside it
-        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``) is used, where there is one.
+        begin its SHA-256. The relation head and the mask head that lie beside it
+        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, ``...masks-5e6f7a8b.onnx``) are used,
+        where there are any.
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -98,6 +100,8 @@ class Engine:
         As given or counted.
     relations
         The relation head; None where there is none.
+    masks
+        The mask head; None where there is none.
     """
 
     path: Path
@@ -109,6 +113,7 @@ class Engine:
     multiple: int
     threads: int
     relations: RelationEngine | None
+    masks: MaskEngine | None
 
     def __init__(
         self,
@@ -148,6 +153,12 @@ class Engine:
                 classes=len(self.classes),
                 threads=threads,
                 providers=providers,
+            )
+        companion = find_companion(file.path, "masks")
+        self.masks = None
+        if companion is not None:
+            self.masks = MaskEngine(
+                companion, network=file.digest, threads=threads, providers=providers
             )
         self._file = file
 

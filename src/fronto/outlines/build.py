@@ -27,8 +27,12 @@ LEAST_SIZE_PX = 2.5
 SHARP_PX, FULL_BLUR = 0.06, 3.0
 MASK_OFF = {"quad": (1.35, 0.063), "ellipse": (0.55, 0.022)}
 EDGE_OFF = {"quad": (0.6, 0.035), "ellipse": (0.4, 0.011)}
+#: The same of masks that a mask head has drawn.
+DRAWN_MASK_OFF = {"quad": (1.15, 0.02), "ellipse": (0.55, 0.016)}
+DRAWN_EDGE_OFF = {"quad": (0.55, 0.016), "ellipse": (0.35, 0.009)}
 #: Of corners against each other, place and size left open, where all four sides follow the photo.
 FORM_OFF = (0.3, 0.002)
+DRAWN_FORM_OFF = (0.3, 0.004)
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
@@ -43,6 +47,8 @@ class Measured(NamedTuple):
     ----------
     k
         Index of the mask.
+    drawn
+        Whether a mask head has drawn it.
     points, shapes, refined
         Of all masks of the photo.
     corners
@@ -50,6 +56,7 @@ class Measured(NamedTuple):
     """
 
     k: int
+    drawn: bool
     points: EdgePoints
     shapes: Shapes
     refined: Refined
@@ -113,7 +120,8 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
 
 def _systematic(m: Measured, shape: Literal["quad", "ellipse"], share: float) -> float:
     """What the fit's own deviation does not show; `share` of the outline is the photo's."""
-    mask, edge = _off(m, *MASK_OFF[shape]), _off(m, *EDGE_OFF[shape])
+    masks, edges = (DRAWN_MASK_OFF, DRAWN_EDGE_OFF) if m.drawn else (MASK_OFF, EDGE_OFF)
+    mask, edge = _off(m, *masks[shape]), _off(m, *edges[shape])
     return float(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
 
 
@@ -146,7 +154,8 @@ def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
     total = float(np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean()))))
     form = None
     if not odd and seen.all() and m.refined.from_image[k].all():
-        form = min(total, float(np.hypot(std, _off(m, *FORM_OFF))))
+        off = _off(m, *(DRAWN_FORM_OFF if m.drawn else FORM_OFF))
+        form = min(total, float(np.hypot(std, off)))
     try:
         return Outline.quad(
             ordered,

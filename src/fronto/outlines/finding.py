@@ -146,12 +146,14 @@ def _found(
     if not segments:
         return [], [], []
     points = edge_points(segments, photo.width_px, photo.height_px)
-    shapes = find_shapes(points, rgb)
+    told = [segment.forms for segment in segments]
+    forms = np.array(told) if corners == "subpixel" and all(told) else None
+    shapes = find_shapes(points, rgb, forms)
     refined = refine(rgb, shapes, points.size, points.blur)
     sharp = intersections(refined.lines)
     outlines, sources, reasons = [], [], []
     for k, segment in enumerate(segments):
-        measured = Measured(k, points, shapes, refined, sharp[k])
+        measured = Measured(k, bool(segment.forms), points, shapes, refined, sharp[k])
         result = built(segment, measured)
         share = float(refined.from_image[k].mean())
         if isinstance(result, Outline) and result.shape == "ellipse":

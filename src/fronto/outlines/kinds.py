@@ -45,6 +45,8 @@ SQUARISH, FULL_BLUR = 0.5, 3.0
 #: the photo's edges, down to a limit, this much (a logistic regression on 1,008 buttons of
 #: renders).
 MASKS_SHARE, SEEN, MOST_SEEN = 0.3, 14.0, 0.4
+#: What a mask head has told of the form counts this much; it is never surer than this.
+TOLD, LEAST_TOLD = 1.0, 0.01
 #: What fits nothing better than this, in sizes (and pixels), is odd.
 ODD, ODD_PX = 0.035, 0.6
 #: Polygons stand off from their ellipse in waves: as many a turn, and this high, in radii
@@ -97,7 +99,11 @@ class Shapes:
     rms: FloatArray
 
 
-def find_shapes(points: EdgePoints, image: npt.NDArray[Any] | None = None) -> Shapes:
+def find_shapes(
+    points: EdgePoints,
+    image: npt.NDArray[Any] | None = None,
+    forms: FloatArray | None = None,
+) -> Shapes:
     """Fit quads and ellipses to the edge points of n masks, and decide between them.
 
     Parameters
@@ -106,6 +112,9 @@ def find_shapes(points: EdgePoints, image: npt.NDArray[Any] | None = None) -> Sh
         The masks' edges.
     image
         Shape (h, w, 3), uint8: the photo, whose edges help to decide; None: the masks alone.
+    forms
+        Shape (n, 3): probabilities of quad, ellipse and other shapes that a mask head has told,
+        in place of the photo's edges; None: nobody has.
     """
     n = len(points.size)
     quads = fit_quads(points, np.full(n, FIRST_CENTRAL))
@@ -125,11 +134,14 @@ def find_shapes(points: EdgePoints, image: npt.NDArray[Any] | None = None) -> Sh
     errors = np.stack([misfit, round_misfit, pill_misfit], axis=1)
     errors[np.isnan(errors)] = np.inf
     seen = None
-    if image is not None:
+    if forms is not None:
+        seen = TOLD * np.log(np.maximum(forms, LEAST_TOLD))
+    elif image is not None:
         inverse = np.asarray(np.linalg.inv(_from_square(quads.corners)), np.float64)
         half, frames = _half_sides(quads.corners), ellipse_frames(ellipses.shape)
         centers = ellipses.shape[:, :2]
-        seen = roundness(image, inverse, half, centers, frames, points.size.astype(np.float64))
+        clear = roundness(image, inverse, half, centers, frames, points.size.astype(np.float64))
+        seen = SEEN * blurred[:, None] * np.maximum(clear, -MOST_SEEN)
     chance = _chances(points, errors, blurred, _alike(ellipses.shape), seen)
     best = chance.argmax(axis=1)
     rms = np.sqrt(errors[np.arange(n), best])
@@ -307,7 +319,7 @@ def _chances(
     alike: FloatArray,
     seen: FloatArray | None,
 ) -> FloatArray:
-    """Probability (n, 3) of each shape from its mean square distance, and from the photo.
+    """Probability (n, 3) of each shape from its mean square distance, and what else is `seen`.
 
     Gaussian errors of unknown size have the likelihood (mean square)^(-observations / 2).
     Buttons of one panel mostly have one shape: what most of them are, a doubtful one
@@ -321,7 +333,7 @@ def _chances(
     log *= -0.5 * number[:, None]
     if seen is not None:
         log *= 1 - (1 - MASKS_SHARE) * blurred[:, None]
-        log += SEEN * blurred[:, None] * np.maximum(seen, -MOST_SEEN)
+        log += seen
     first = _softmax(log)
     votes = alike @ first  # of all others
     others = votes.sum(axis=1, keepdims=True)

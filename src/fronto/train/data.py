@@ -105,10 +105,12 @@ class Renders:
         How often each render is used, with other cuts and disturbances, on average.
     twins
         Share of the renders whose plates look like the buttons beside them.
+    relief
+        Share of the renders whose buttons may stand out of the panel, or lie in holes.
     """
 
-    def __init__(self, reuse: int = 4, twins: float = 0.0) -> None:
-        self.reuse, self.twins = reuse, twins
+    def __init__(self, reuse: int = 4, twins: float = 0.0, relief: float = 0.0) -> None:
+        self.reuse, self.twins, self.relief = reuse, twins, relief
         self.latest: list[Sample] = []
 
     def draw(self, rng: np.random.Generator) -> Sample:
@@ -123,7 +125,8 @@ class Renders:
     def _render(self, rng: np.random.Generator) -> Sample:
         from fronto.synth.photo import render_photo
 
-        photo = render_photo(rng, twins=self.twins > 0 and rng.random() < self.twins)
+        twins, relief = (p > 0 and bool(rng.random() < p) for p in (self.twins, self.relief))
+        photo = render_photo(rng, twins=twins, relief=relief)
         objects = tuple(Target(o.category, o.polygon_px, exact=True) for o in photo.objects)
         return Sample(photo.image, objects)
 

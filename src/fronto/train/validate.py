@@ -30,6 +30,7 @@ class TorchEngine:
 
     stride = STRIDE
     relations = None
+    masks = None
 
     def __init__(self, network: Network) -> None:
         self.network = network

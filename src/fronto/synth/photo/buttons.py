@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +14,11 @@ from fronto.synth.photo.forms import Form, signed_distance
 from fronto.synth.photo.plan import KEY_STYLE, MUSHROOM_STYLE, PLATE_STYLE, Element, Label
 from fronto.synth.photo.style import ButtonStyle, PlateStyle
 
-__all__ = ["Wardrobe", "draw_element"]
+__all__ = ["Wardrobe", "draw_element", "draw_surroundings", "lifted"]
 
 BLACK: Color = (10.0, 10.0, 12.0)
+#: Of rings around key switches.
+RING_WORDS = ("ON", "OFF", "RUN", "STOP", "FAN", "LIGHT", "FIRE", "HOLD", "AUTO", "LOCK")
 #: Letters of a bare label are padded by this share of their height.
 PADDING = 0.15
 #: Larger patches would cost seconds; such buttons fill the photo many times over.
@@ -38,6 +41,8 @@ class Wardrobe:
         Unit vector towards the light in the panel's plane.
     braille
         Colour of the dots.
+    eye
+        Where the camera is: x, y on the panel and the distance from it, millimetres.
     """
 
     buttons: tuple[ButtonStyle, ...]
@@ -46,6 +51,7 @@ class Wardrobe:
     plate: PlateStyle
     lamp: tuple[float, float]
     braille: Color
+    eye: tuple[float, float, float] = (0.0, 0.0, math.inf)
 
     def style(self, element: Element) -> ButtonStyle:
         """The style of a button (not of a plate)."""
@@ -188,12 +194,15 @@ def draw_element(
     canvas: Canvas, element: Element, wardrobe: Wardrobe, rng: np.random.Generator
 ) -> Element:
     """Draw a button or plate; gives it back as drawn (moved to a pixel's centre, fitted)."""
+    plate = element.style == PLATE_STYLE
+    style = None if plate else wardrobe.style(element)
+    foot = element
+    if style and style.height:
+        element = lifted(element, style, wardrobe.eye)
     x, y = canvas.snapped(element.x, element.y)
     element = replace(element, x=x, y=y)
-    plate = element.style == PLATE_STYLE
     label = element.label
     drawn = bool(label.text or label.symbol)
-    style = None if plate else wardrobe.style(element)
     look = style or wardrobe.plate
     form = element.form
     size = (0.0, 0.0)
@@ -213,6 +222,10 @@ def draw_element(
     if max(pixels.width, pixels.height) > MAX_PATCH_PX:
         return element
     key = (form, element.style, element.lit)
+    if style and style.height > 0:
+        _draw_flanks(canvas, foot, element, style, wardrobe)
+    if style and style.height:
+        style = replace(style, gap=0.0, shadow=0.0)
     if key not in canvas.patches and style:
         canvas.patches[key] = _button_patch(pixels, style, element.lit, wardrobe.lamp)
     elif key not in canvas.patches and wardrobe.plate.color is not None:
@@ -226,6 +239,101 @@ def draw_element(
     if element.braille:
         _draw_braille(canvas, element, wardrobe.braille, rng)
     return element
+
+
+def lifted(element: Element, style: ButtonStyle, eye: tuple[float, float, float]) -> Element:
+    """Where on the panel's plane the camera sees a face that lies before or behind that plane.
+
+    Seen from one point, what lies in a parallel plane is a scaled picture of it: the outline
+    drawn there is exactly that of the face.
+    """
+    height = style.height * min(element.form.width, element.form.height)
+    scale = 1 / (1 - min(height / eye[2], 0.5))
+    return replace(
+        element,
+        x=eye[0] + scale * (element.x - eye[0]),
+        y=eye[1] + scale * (element.y - eye[1]),
+        form=element.form.scaled(scale),
+    )
+
+
+def draw_surroundings(
+    canvas: Canvas, element: Element, wardrobe: Wardrobe, rng: np.random.Generator
+) -> None:
+    """What lies in the panel around a button: its hole, the ring with what it is for.
+
+    Drawn before all buttons: it may reach below their neighbours.
+    """
+    if element.style == PLATE_STYLE:
+        return
+    style, form = wardrobe.style(element), element.form
+    wide = 1 + 2 * max(style.label_ring, 0.5)
+    if not canvas.sees(element.x, element.y, wide * form.width, wide * form.height):
+        return
+    if max(form.width, form.height) * wide * canvas.scale > MAX_PATCH_PX:
+        return
+    if style.label_ring:
+        _draw_label_ring(canvas, element, style, wardrobe, rng)
+    if style.height < 0:
+        face = lifted(element, style, wardrobe.eye)
+        away = math.hypot(face.x - element.x, face.y - element.y)
+        # The hole is wide enough for all of the face to be seen.
+        wider = 1 + 2 * max(style.hole, away / min(form.width, form.height))
+        r, g, b = (style.wall * c for c in style.collar_color)
+        dark = ButtonStyle(face_color=(r, g, b), inner_shadow=0.5)
+        _stamp(canvas, form.scaled(wider), dark, wardrobe, element.x, element.y)
+
+
+def _draw_flanks(
+    canvas: Canvas, foot: Element, face: Element, style: ButtonStyle, wardrobe: Wardrobe
+) -> None:
+    """What a button that stands out stands on, with its gap and shadow; then its flanks."""
+    away = math.hypot(face.x - foot.x, face.y - foot.y)
+    r, g, b = (style.wall * c for c in style.face_color)
+    wall = ButtonStyle(face_color=(r, g, b), face_relief=0.35, bevel=0.3)
+    stands = replace(wall, gap=style.gap, shadow=style.shadow)
+    _stamp(canvas, foot.form, stands, wardrobe, foot.x, foot.y)
+    slices = int(np.clip(np.ceil(away * canvas.scale / 1.5), 1, 16))
+    for k in range(slices):
+        share = k / slices
+        form = foot.form if share < 0.5 else face.form
+        x, y = (a + share * (b - a) for a, b in ((foot.x, face.x), (foot.y, face.y)))
+        _stamp(canvas, form, wall, wardrobe, x, y)
+
+
+def _draw_label_ring(
+    canvas: Canvas,
+    element: Element,
+    style: ButtonStyle,
+    wardrobe: Wardrobe,
+    rng: np.random.Generator,
+) -> None:
+    """A ring around a key switch, with a word or two on it."""
+    side = min(element.form.width, element.form.height)
+    wide = style.label_ring * side
+    ring = element.form.scaled(1 + 2 * style.label_ring)
+    flat = ButtonStyle(face_color=style.line_color, face_relief=0.15, shadow=0.3)
+    _stamp(canvas, ring, flat, wardrobe, element.x, element.y)
+    ink = (235.0, 235.0, 230.0) if sum(style.line_color) < 380 else (25.0, 25.0, 28.0)
+    for up in (-1, 1):
+        if not chance(rng, 0.7):
+            continue
+        mask = glyphs.words(RING_WORDS[int(rng.integers(len(RING_WORDS)))], style.font)
+        height = 0.45 * wide
+        width = min(height * mask.shape[1] / mask.shape[0], 1.1 * side)
+        y = element.y + up * (side / 2 + wide / 2)
+        canvas.ink(mask, element.x, y, (width, height), ink, 0.9)
+
+
+def _stamp(
+    canvas: Canvas, form: Form, style: ButtonStyle, wardrobe: Wardrobe, x: float, y: float
+) -> None:
+    """A form without a label, drawn once and kept."""
+    key = (form, style)
+    if key not in canvas.patches:
+        patch = _button_patch(form.scaled(canvas.scale), style, False, wardrobe.lamp)
+        canvas.patches[key] = patch
+    canvas.stamp(canvas.patches[key], x, y)
 
 
 def _fitted(form: Form, style: PlateStyle, ink: tuple[float, float]) -> Form:

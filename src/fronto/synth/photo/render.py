@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy.typing as npt
 from fronto.camera import Camera
 from fronto.errors import InputError
 from fronto.shapes import FloatArray
-from fronto.synth.photo.buttons import Wardrobe, draw_element
+from fronto.synth.photo.buttons import Wardrobe, draw_element, draw_surroundings
 from fronto.synth.photo.canvas import Canvas
 from fronto.synth.photo.draws import chance, pick, tint
 from fronto.synth.photo.effects import develop
@@ -19,7 +21,7 @@ from fronto.synth.photo.forms import project
 from fronto.synth.photo.layout import random_plan
 from fronto.synth.photo.plan import Element, Fixture, Plan, moved
 from fronto.synth.photo.scenery import background, occluder
-from fronto.synth.photo.style import METALS, ButtonStyle, button_style, plate_style
+from fronto.synth.photo.style import METALS, ButtonStyle, button_style, in_relief, plate_style
 from fronto.synth.photo.surfaces import Material, panel_material, panel_surface
 from fronto.synth.photo.truth import PhotoObject, found
 from fronto.synth.photo.view import View, sample_camera, sample_view, visible_part
@@ -62,6 +64,7 @@ def render_photo(
     *,
     camera: Camera | None = None,
     twins: bool = False,
+    relief: bool = False,
 ) -> PanelPhoto:
     """Draw a random panel, its surroundings and a view of it.
 
@@ -76,6 +79,9 @@ def render_photo(
     twins
         Whether the labels are on plates of the buttons' own form beside them, which are easily
         taken for buttons.
+    relief
+        Whether buttons may stand out of the panel, or lie in holes: from the side one sees their
+        flanks, too. Outlines are those of the faces.
 
     Raises
     ------
@@ -106,9 +112,10 @@ def render_photo(
     view = sample_view(rng, plan, camera)
     material = panel_material(rng)
     plans = (plan, *_company(rng, plan))
-    canvas, elements = draw_plans(
-        rng, plans, view, material, _wardrobe(rng, material, plans, twins)
-    )
+    wardrobe = _wardrobe(rng, material, plans, twins)
+    if relief:
+        wardrobe = _with_depth(rng, wardrobe, view)
+    canvas, elements = draw_plans(rng, plans, view, material, wardrobe)
     box = np.array(plan.box) / 1000
     photo = composed(canvas, background(rng, view, box), view)
     cover = None
@@ -185,6 +192,25 @@ def _wardrobe(
     )
 
 
+def _with_depth(rng: np.random.Generator, wardrobe: Wardrobe, view: View) -> Wardrobe:
+    """Buttons that stand out of the panel or lie in it, as seen from where the camera is."""
+    x, y, distance = 1000 * view.translation
+    return replace(
+        wardrobe,
+        buttons=tuple(in_relief(rng, style) for style in wardrobe.buttons),
+        key=_with_ring(rng, in_relief(rng, wardrobe.key, 0.0)),
+        mushroom=replace(wardrobe.mushroom, height=rng.uniform(0.1, 0.7), wall=0.6),
+        eye=(-float(x), -float(y), float(distance)),
+    )
+
+
+def _with_ring(rng: np.random.Generator, key: ButtonStyle) -> ButtonStyle:
+    """Some key switches have a ring around them that says what they are for."""
+    wide = rng.uniform(0.2, 0.6) if chance(rng, 0.5) else 0.0
+    color = tint(rng, pick(rng, ((25, 25, 28), (40, 40, 44), (200, 200, 200), (170, 30, 28))), 12)
+    return replace(key, label_ring=wide, line_color=color)
+
+
 def _blank_canvas(view: View, plans: tuple[Plan, ...]) -> tuple[tuple[int, int], float, FloatArray]:
     """Height and width, pixels a millimetre and origin of a canvas for what is visible."""
     parts = []
@@ -244,8 +270,24 @@ def draw_plans(
     for plan in plans:
         for fixture in plan.fixtures:
             draw_fixture(canvas, fixture, rng)
-        drawn += [draw_element(canvas, element, wardrobe, rng) for element in plan.elements]
+        for element in plan.elements:
+            draw_surroundings(canvas, element, wardrobe, rng)
+        done = {
+            k: draw_element(canvas, plan.elements[k], wardrobe, rng)
+            for k in _nearest_last(plan, wardrobe)
+        }
+        drawn += [done[k] for k in range(len(plan.elements))]
     return canvas, drawn
+
+
+def _nearest_last(plan: Plan, wardrobe: Wardrobe) -> Sequence[int]:
+    """A plan's elements in such an order that what stands out hides what is behind it only."""
+    order = range(len(plan.elements))
+    if not any(style.height > 0 for style in (*wardrobe.buttons, wardrobe.key, wardrobe.mushroom)):
+        return order
+    x, y, _ = wardrobe.eye
+    away = [math.hypot(e.x - x, e.y - y) for e in plan.elements]
+    return sorted(order, key=lambda k: -away[k])
 
 
 def composed(canvas: Canvas, ground: npt.NDArray[np.uint8], view: View) -> npt.NDArray[np.uint8]:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fronto.synth.photo.draws import Color, chance, log_uniform, pick, tint
 
-__all__ = ["LIGHTS", "METALS", "PLAIN", "ButtonStyle", "PlateStyle", "button_style", "plate_style"]
+__all__ = [
+    "LIGHTS",
+    "METALS",
+    "PLAIN",
+    "ButtonStyle",
+    "PlateStyle",
+    "button_style",
+    "in_relief",
+    "plate_style",
+]
 
 METALS: tuple[Color, ...] = (
     (188, 190, 194),
@@ -70,6 +79,16 @@ class ButtonStyle:
         What lights up: "face", "ring" or "symbol".
     font, stretch
         Typeface (see ``glyphs.words``) and width of the letters.
+    height
+        How far the face stands out of the panel, or (negative) lies in a hole in it.
+    wall
+        Brightness of what is seen of its sides, as a share of the face's (of the panel's, in a
+        hole).
+    hole
+        Width of what is seen of the hole that it lies in, all around, when seen from the front.
+    label_ring
+        Width of a ring around it that words are printed on (0 = none), in `line_color`: it is
+        no part of the button.
     """
 
     gap: float = 0.0
@@ -93,6 +112,10 @@ class ButtonStyle:
     lit_part: str = "face"
     font: int = 0
     stretch: float = 1.0
+    height: float = 0.0
+    wall: float = 0.6
+    hole: float = 0.0
+    label_ring: float = 0.0
 
 
 #: White and flat: every edge is an outline.
@@ -204,6 +227,22 @@ def button_style(rng: np.random.Generator, panel: Color) -> ButtonStyle:
         font=int(rng.integers(9)),
         stretch=rng.uniform(0.75, 1.2),
         **values,  # type: ignore[arg-type]
+    )
+
+
+def in_relief(rng: np.random.Generator, style: ButtonStyle, deepest: float = 0.2) -> ButtonStyle:
+    """The same family standing out of the panel, or in holes, or flush."""
+    kind = pick(rng, ("out", "in", "flush"), (6, 3 if deepest else 0, 1))
+    if kind == "flush":
+        return style
+    if kind == "out":
+        return replace(style, height=log_uniform(rng, 0.08, 0.6), wall=rng.uniform(0.2, 1.1))
+    black = chance(rng, 0.7)
+    return replace(
+        style,
+        height=-rng.uniform(0.02, deepest),
+        wall=rng.uniform(0.05, 0.2) if black else rng.uniform(0.2, 0.6),
+        hole=rng.uniform(0.02, 0.14),
     )
 
 

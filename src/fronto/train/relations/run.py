@@ -24,7 +24,7 @@ __all__ = ["RelationTrainOptions", "publish_relations", "train_relations"]
 #: Pictures in one file of candidates.
 IN_ONE = 400
 #: Options that decide which candidates are collected.
-COLLECTED = ("photos", "renders", "twins", "plates", "pixels", "size", "seed")
+COLLECTED = ("photos", "renders", "twins", "relief", "plates", "pixels", "size", "seed")
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class RelationTrainOptions:
         Share of rendered panels among them, 0 to 1.
     twins
         Share of the renders whose plates look like the buttons beside them, 0 to 1.
+    relief
+        Share of the renders whose buttons may stand out of the panel, or lie in holes, 0 to 1.
     plates
         Share of the photos drawn that have plates, where there are any, 0 to 1.
     pixels
@@ -61,6 +63,7 @@ class RelationTrainOptions:
     pictures: int = 16_000
     renders: float = 0.25
     twins: float = 0.3
+    relief: float = 0.3
     plates: float = 0.2
     pixels: int = 640 * 480
     size: int = 560
@@ -69,8 +72,8 @@ class RelationTrainOptions:
     network: RelationOptions = field(default_factory=RelationOptions)
 
     def __post_init__(self) -> None:
-        shares = (("renders", self.renders), ("twins", self.twins), ("plates", self.plates))
-        for name, share in shares:
+        for name in ("renders", "twins", "relief", "plates"):
+            share = getattr(self, name)
             if not 0 <= share <= 1:
                 raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
         least = (("pictures", self.pictures, 1), ("pixels", self.pixels, 4096))
@@ -133,7 +136,8 @@ def train_relations(
         )
     sources: list[tuple[Source, float]] = []
     if options.renders > 0:
-        sources.append((Renders(reuse=1, twins=options.twins), options.renders))
+        drawn = Renders(reuse=1, twins=options.twins, relief=options.relief)
+        sources.append((drawn, options.renders))
     if options.renders < 1:
         if not photos:
             raise InputError(

@@ -1,0 +1,187 @@
+"""From finds to segments: each one's mask in the photo's pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from fronto.finds import REACH, Find, owned
+from fronto.grouping import overlaps
+from fronto.maskhead import describe, mask_in_photo
+from fronto.segments import Segment
+from fronto.shapes import FloatArray
+
+if TYPE_CHECKING:
+    from fronto.engine import MaskEngine
+
+__all__ = ["drawn"]
+
+#: Where there is no mask head: the photos that the network learned from are labelled loosely,
+#: their buttons' boxes and so its masks are larger than buttons outlined exactly, by a sixth in
+#: area in the median of those annotated; on renders, learned exactly, by a fiftieth. This share of
+#: a mask is kept, the surest.
+TIGHT = 0.9
+#: ... unless that would cut into what is this sure: the mask's edge is a crisp one.
+CRISP = 0.95
+#: A mask must fill this share of its box: less is no button, but a flaw. A mask head may know
+#: better: a box can have been put around a button and a ring or label beside it.
+LEAST_FILL, LEAST_DRAWN = 0.25, 0.1
+#: Such a box is made anew where it overlaps its mask's by less than this.
+SAME_BOX = 0.5
+#: One that fills less than the first share is of a button whose pixels are unsure (an ellipse fills
+#: 0.79): then the likeliest pixels, the second share of the box, are its mask, if they are no less
+#: likely than this.
+SPARSE, FILL, DIMMEST = 0.5, 0.6, 0.02
+
+Floats = npt.NDArray[np.float32]
+
+
+def drawn(
+    finds: Sequence[Find], rgb: npt.NDArray[np.uint8], head: MaskEngine | None
+) -> tuple[Segment, ...]:
+    """The segments of all finds of a photo, in their order; those without a mask are left out.
+
+    Parameters
+    ----------
+    finds
+        What the network has found.
+    rgb
+        Shape (h, w, 3), uint8: the photo.
+    head
+        Draws the masks anew where the photo shows the buttons' edges; None: the network's
+        masks, as they are told for cells of the network.
+    """
+    height, width = rgb.shape[:2]
+    edge = np.array([width, height, width, height]) - 0.5
+    there = [(f, np.clip(f.box, -0.5, edge)) for f in finds]
+    there = [(f, seen) for f, seen in there if (seen[2:] > seen[:2]).all()]
+    if not there:
+        return ()
+    kept = [f for f, _ in there]
+    boxes = np.stack([f.box for f in kept])
+    fine: list[_Mask | None] = [None] * len(kept)
+    if head is not None:
+        patches = describe(rgb, kept)
+        told = head.run(patches)
+        for k, part in enumerate(patches.regions):
+            mask, origin = mask_in_photo(told.masks[k], part, width, height)
+            fine[k] = (mask, origin, tuple(told.forms[k].tolist()))
+    segments = []
+    for k, (find, seen) in enumerate(there):
+        area = float((seen[2:] - seen[:2]).prod())
+        made = _usable(fine[k], LEAST_DRAWN * area)
+        if made is None:
+            made = _usable(_rough(boxes, k, find, area, rgb.shape), LEAST_FILL * area)
+        if made is not None:
+            segments.append(_segment(find, seen, made, width, height))
+    return tuple(segments)
+
+
+#: Probability (h, w), its top-left pixel in the photo, and how likely each form is, if known.
+_Mask = tuple[Floats, tuple[int, int], tuple[float, ...]]
+
+
+def _usable(made: _Mask | None, least: float) -> _Mask | None:
+    """The largest piece of a mask, if it has this many pixels."""
+    if made is None or made[0].size == 0:
+        return None
+    probability = _largest_piece(made[0])
+    return None if (probability > 0.5).sum() < least else (probability, *made[1:])
+
+
+def _segment(find: Find, seen: FloatArray, made: _Mask, width: int, height: int) -> Segment:
+    probability, origin, forms = made
+    if forms:
+        tight = _box(probability, origin)
+        if overlaps(tight, seen[None])[0] < SAME_BOX:
+            seen = tight
+    edges = seen == (-0.5, -0.5, width - 0.5, height - 0.5)
+    return Segment(
+        find.category,
+        find.confidence,
+        (float(seen[0]), float(seen[1]), float(seen[2]), float(seen[3])),
+        origin,
+        probability,
+        tuple(float(s) for s in find.instance.scores),
+        truncated=bool(edges.any()),
+        forms=forms,
+    )
+
+
+def _box(probability: Floats, origin: tuple[int, int]) -> FloatArray:
+    """Edges (4,) of a mask in the photo."""
+    rows, columns = np.nonzero(probability > 0.5)
+    low, high = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])
+    edges = np.concatenate([low - 0.5, high + 0.5]) + np.array([*origin, *origin])
+    return np.asarray(edges, np.float64)
+
+
+def _rough(boxes: FloatArray, index: int, find: Find, area: float, shape: tuple[int, ...]) -> _Mask:
+    """The network's own mask of a find, within and just around its box."""
+    import cv2
+
+    limits = (shape[1] - 1, shape[0] - 1)
+    box = boxes[index]
+    reach = (REACH - 1) / 2 * (box[2:] - box[:2]) + 1
+    low = np.clip(np.floor(box[:2] - reach), 0, limits).astype(int)
+    high = np.clip(np.ceil(box[2:] + reach), 0, limits).astype(int)
+    columns, rows = high - low + 1
+    # Of the photo's pixels (x, y) of this part: where they are in the network's picture.
+    (u0, v0), (u1, v1) = find.view.to_network([low, low + 1])
+    inverse = np.array([[u1 - u0, 0, u0], [0, v1 - v0, v0]])
+    probability = cv2.warpAffine(
+        find.mask,
+        inverse,
+        (int(columns), int(rows)),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    probability = np.asarray(probability, np.float32).reshape(rows, columns)
+    x, y = low[0] + np.arange(columns, dtype=float), low[1] + np.arange(rows, dtype=float)
+    probability[~owned(boxes, index, x, y)] = 0
+    lifted = _largest_piece(_lifted(probability, area))
+    return _tightened(lifted), (int(low[0]), int(low[1])), ()
+
+
+def _lifted(probability: Floats, area: float) -> Floats:
+    """Probabilities by which the likeliest part of a box is above a half, where too little is.
+
+    What is a button by all else has a mask, even if its pixels say so with less certainty.
+    """
+    if (probability > 0.5).sum() >= SPARSE * area:
+        return probability
+    count = min(int(FILL * area), probability.size)
+    level = float(np.partition(probability.ravel(), -count)[-count]) if count else 0.0
+    return probability if level < DIMMEST else _levelled(probability, min(level, 0.5))
+
+
+def _levelled(probability: Floats, level: float) -> Floats:
+    """Probabilities whose odds are changed so that this one becomes a half, and a little more."""
+    odds = 0.995 * level / (1 - level)
+    return np.asarray(probability / (probability + odds * (1 - probability)), np.float32)
+
+
+def _tightened(probability: Floats) -> Floats:
+    """Probabilities by which only the surest part of a mask is above a half."""
+    inside = probability[probability > 0.5]
+    if TIGHT >= 1 or not len(inside):
+        return probability
+    level = float(np.quantile(inside, 1 - TIGHT))
+    return probability if level > CRISP else _levelled(probability, level)
+
+
+def _largest_piece(probability: Floats) -> Floats:
+    """Without specks that hang together with nothing."""
+    import cv2
+
+    inside = (probability > 0.5).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
+    if count <= 2:
+        return probability
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    result = probability.copy()
+    result[(labels != largest) & (labels > 0)] = 0
+    return result

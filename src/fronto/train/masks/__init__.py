@@ -1,0 +1,1 @@
+"""Training of the mask head, which draws the exact mask of each find."""
