@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,8 @@ import numpy.typing as npt
 
 from fronto.finds import REACH, Find, owned
 from fronto.grouping import overlaps
-from fronto.maskhead import describe, mask_in_photo
+from fronto.maskhead import REACH as REACH_OF_PATCH
+from fronto.maskhead import SIDE, describe, mask_in_photo
 from fronto.segments import Segment
 from fronto.shapes import FloatArray
 
@@ -19,16 +21,20 @@ if TYPE_CHECKING:
 
 __all__ = ["drawn"]
 
-#: Where there is no mask head: the photos that the network learned from are labelled loosely,
-#: their buttons' boxes and so its masks are larger than buttons outlined exactly, by a sixth in
-#: area in the median of those annotated; on renders, learned exactly, by a fiftieth. This share of
-#: a mask is kept, the surest.
+#: The photos that the network learned from are labelled loosely, their buttons' boxes and so its
+#: masks are larger than buttons outlined exactly, by a sixth in area in the median of those
+#: annotated; on renders, learned exactly, by a fiftieth. This share of a mask is kept, the surest.
 TIGHT = 0.9
 #: ... unless that would cut into what is this sure: the mask's edge is a crisp one.
 CRISP = 0.95
 #: A mask must fill this share of its box: less is no button, but a flaw. A mask head may know
 #: better: a box can have been put around a button and a ring or label beside it.
 LEAST_FILL, LEAST_DRAWN = 0.25, 0.1
+#: A button has several edges, of rings, collars and flanks. Which one is meant, and so how large it
+#: is, the network knows better, which has learned from photos of real panels; the mask head, which
+#: has learned from renders, knows its form. A mask that it has drawn is made as large as the
+#: network's, where their areas differ by no more than this: else they are of different things.
+LIKE = (0.6, 1.5)
 #: Such a box is made anew where it overlaps its mask's by less than this.
 SAME_BOX = 0.5
 #: One that fills less than the first share is of a button whose pixels are unsure (an ellipse fills
@@ -66,8 +72,9 @@ def drawn(
     if head is not None:
         patches = describe(rgb, kept)
         told = head.run(patches)
+        masks = _as_large(told.masks, patches.rough, np.array([f.instance.plate for f in kept]))
         for k, part in enumerate(patches.regions):
-            mask, origin = mask_in_photo(told.masks[k], part, width, height)
+            mask, origin = mask_in_photo(masks[k], part, width, height)
             fine[k] = (mask, origin, tuple(told.forms[k].tolist()))
     segments = []
     for k, (find, seen) in enumerate(there):
@@ -109,6 +116,53 @@ def _segment(find: Find, seen: FloatArray, made: _Mask, width: int, height: int)
         truncated=bool(edges.any()),
         forms=forms,
     )
+
+
+def _as_large(
+    drawn: Floats, rough: npt.NDArray[np.uint8], plates: npt.NDArray[np.bool_]
+) -> list[Floats]:
+    """What the mask head has drawn in patches, (n, 48, 48), as large as the network's masks there.
+
+    All buttons of a photo are resized alike, and all plates: which edge is meant is the same.
+    """
+    ratios = np.array([_ratio(d, r) for d, r in zip(drawn, rough, strict=True)])
+    result = list(drawn)
+    for kind in (plates, ~plates):
+        known = kind & np.isfinite(ratios)
+        if not known.any():
+            continue
+        ratio = float(np.median(ratios[known]))
+        for k in np.flatnonzero(kind):
+            result[k] = _resized(drawn[k], np.sqrt(ratio))
+    return result
+
+
+def _ratio(drawn: Floats, rough: npt.NDArray[np.uint8]) -> float:
+    """Of the areas of the network's mask and of one drawn; NaN where they are of other things."""
+    box_area = (SIDE / REACH_OF_PATCH) ** 2
+    known = _largest_piece(_lifted(np.asarray(rough / 255, np.float32), box_area))
+    wanted, found = (int((part > 0.5).sum()) for part in (_tightened(known), drawn))
+    if min(wanted, found) < LEAST_FILL * box_area or not LIKE[0] < wanted / found < LIKE[1]:
+        return math.nan
+    return wanted / found
+
+
+def _resized(mask: Floats, factor: float) -> Floats:
+    """A patch's mask, larger or smaller around its middle."""
+    import cv2
+
+    rows, columns = np.nonzero(mask > 0.5)
+    if not len(rows):
+        return mask
+    x, y, scale = columns.mean(), rows.mean(), 1 / factor
+    resized = cv2.warpAffine(
+        mask,
+        np.array([[scale, 0, (1 - scale) * x], [0, scale, (1 - scale) * y]]),
+        (SIDE, SIDE),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(resized, np.float32)
 
 
 def _box(probability: Floats, origin: tuple[int, int]) -> FloatArray:

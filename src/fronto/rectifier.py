@@ -22,7 +22,7 @@ from fronto.outlines.straight import once_a_photo
 from fronto.pipeline import rectify_outlines
 from fronto.pose.observations import undistorted
 from fronto.rectifieroptions import RectifierOptions
-from fronto.relook import better, look_again
+from fronto.relook import better, contradicts, look_again
 from fronto.results import Panel, Plate
 from fronto.segmentation import segment as segment_stage
 from fronto.segments import Segments
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["Rectifier", "found_by_itself", "photo_camera", "rectify", "within_lens"]
 
 Photo = npt.NDArray[np.uint8]
+CONTRADICTED = "the head-on view, looked at again, tells another rotation"
 
 
 def photo_camera(image: Picture, width_px: int, height_px: int) -> Camera:
@@ -223,6 +224,8 @@ class Rectifier:
             second = self._solve(photo, again, camera)
         except InputError:  # a wrong pose shows nothing that could be looked at
             return first
+        if contradicts(second, first):
+            return _doubted(first, CONTRADICTED)
         return found_by_itself(second, again) if better(second, first) else first
 
     def find(
@@ -310,6 +313,12 @@ def within_lens(outlines: Outlines, camera: Camera) -> Outlines:
         left_out=(*outlines.left_out, *note),
         from_image=(),
     )
+
+
+def _doubted(panel: Panel, reason: str) -> Panel:
+    reasons = (*panel.reasons, reason)
+    pose = replace(panel.pose, status="uncertain", reasons=reasons)
+    return replace(panel, status="uncertain", reasons=reasons, pose=pose)
 
 
 def found_by_itself(panel: Panel, outlines: Outlines) -> Panel:

@@ -6,6 +6,7 @@ known, the photo can be shown to it like that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,12 +16,13 @@ import numpy.typing as npt
 from fronto.errors import InputError
 from fronto.outlines import Outlines
 from fronto.outlines.agreement import at_odds, doubles
+from fronto.pose.rotation import angle_between
 from fronto.results import Panel, RectifiedView
 from fronto.segments import Segments
 from fronto.shapes import FloatArray, Outline
 from fronto.warp import map_ellipse, map_points, warp_panel
 
-__all__ = ["better", "look_again"]
+__all__ = ["better", "contradicts", "look_again"]
 
 #: Pixels of the view that is looked at, as the network takes them; buttons are not drawn larger
 #: than this, nor the photo enlarged more than this.
@@ -33,6 +35,9 @@ SAME = 0.7
 AGREES = 0.5
 #: Residuals that are this much larger are paid for by more buttons that agree.
 PAID = 1.1
+#: Two looks contradict each other where their rotations differ by this many of their deviations
+#: together, and by this many degrees.
+APART, APART_DEG = 3.0, 3.0
 
 Photo = npt.NDArray[np.uint8]
 
@@ -97,6 +102,15 @@ def better(again: Panel, first: Panel) -> bool:
     if agreed[1] > agreed[0]:
         return after <= PAID * before
     return agreed[1] == agreed[0] and after < before
+
+
+def contradicts(again: Panel, first: Panel) -> bool:
+    """Whether two looks that are both sure of themselves tell different rotations."""
+    if not again.status == first.status == "ok":
+        return False
+    apart = angle_between(again.pose.rotation, first.pose.rotation)
+    variance = sum(float(np.linalg.eigvalsh(p.pose.covariance)[-1]) for p in (again, first))
+    return apart > max(APART * math.sqrt(variance), math.radians(APART_DEG))
 
 
 def _sides(outline: Outline) -> FloatArray:

@@ -22,6 +22,10 @@ __all__ = ["Verdict", "covariance", "judge", "line_weights", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
+#: Of more buttons than `SMALL_PANEL`: they check each other, and their deviations, which say how
+#: far the outlines may be off in the same way, are larger than the errors. On renders, 95 % of
+#: what is ok is within 3 degrees with this, too (docs/rectify.md).
+OK_STD_MANY_RAD = np.radians(4.0)
 #: The same with the focal length unknown: the angles are less sure than the picture is.
 OK_STD_UNKNOWN_FOCAL_RAD = np.radians(6.0)
 #: Beyond this the outlines do not determine the rotation.
@@ -170,7 +174,8 @@ def judge(
         reasons += contradictions(adjustment.model, best)
     if adjustment.other_roll is not None:
         reasons.append("round buttons whose rows and columns cannot be told apart")
-    if std_given_focal > OK_STD_RAD or std > OK_STD_UNKNOWN_FOCAL_RAD:
+    enough = OK_STD_RAD if small else OK_STD_MANY_RAD
+    if std_given_focal > enough or std > OK_STD_UNKNOWN_FOCAL_RAD:
         reasons.append(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
             "photo, too few or too near to frontal"
