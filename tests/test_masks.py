@@ -158,11 +158,11 @@ class TestWithAHead:
 
     def test_one_may_fail_while_others_do_not(self) -> None:
         boxes = [(10.5, 30.5, 40.5, 60.5), (60.5, 30.5, 90.5, 60.5), (110.5, 30.5, 140.5, 60.5)]
-        found = segments([find(box) for box in boxes], Head([disc(0.7), NOTHING, disc(0.5)]))
+        found = segments([find(box) for box in boxes], Head([disc(0.6), NOTHING, disc(0.5)]))
         assert [s.box_px for s in found] == boxes
         assert [bool(s.forms) for s in found] == [True, False, True]
         areas = [int(s.mask.sum()) for s in found]
-        np.testing.assert_allclose(areas, [0.7 * 900, 900, 0.5 * 900], rtol=0.05)
+        np.testing.assert_allclose(areas, [0.6 * 900, 900, 0.5 * 900], rtol=0.05)
 
     def test_specks_are_dropped(self) -> None:
         answer = disc(0.5)
@@ -268,3 +268,37 @@ def test_a_photos_segments_are_the_heads() -> None:
     assert found.forms == pytest.approx(FORMS)
     (asked,) = head.asked
     assert (asked.rough[0] > 127).mean() == pytest.approx(1 / REACH**2, abs=0.03)
+
+
+def square_find(share: float, box: Box = BOX) -> Find:
+    """A find whose network's mask is a square in the middle of its box, this share of it."""
+    x0, y0, x1, y1 = VIEW.to_network(np.reshape(box, (2, 2))).ravel()
+    half = np.sqrt(share) * np.array([x1 - x0, y1 - y0]) / 2
+    v, u = np.indices(VIEW.image.shape[:2])
+    away = np.maximum(np.abs(u - (x0 + x1) / 2) / half[0], np.abs(v - (y0 + y1) / 2) / half[1])
+    return find(box, (away < 1).astype(np.float32))
+
+
+class TestSize:
+    """The head draws the form; how large a button is, the network knows better."""
+
+    def area(self, segment: Segment) -> float:
+        x0, y0, x1, y1 = segment.box_px
+        return float(segment.mask.sum() / ((x1 - x0) * (y1 - y0)))
+
+    @pytest.mark.parametrize("share", [0.5, 0.6, 0.75])
+    def test_as_large_as_the_networks(self, share: float) -> None:
+        (found,) = segments([square_find(share)], Head([disc(0.6)]))
+        assert found.forms == pytest.approx(FORMS)
+        assert self.area(found) == pytest.approx(share, rel=0.08)
+
+    def test_what_is_of_something_else_stays_as_it_is(self) -> None:
+        (found,) = segments([square_find(0.3)], Head([disc(0.75)]))
+        assert self.area(found) == pytest.approx(0.75, rel=0.05)
+
+    def test_all_of_a_photo_alike(self) -> None:
+        boxes = [(40.5, 30.5, 80.5, 70.5), (100.5, 30.5, 140.5, 70.5), (40.5, 75.5, 80.5, 115.5)]
+        shares = (0.5, 0.5, 0.7)  # the network errs about one of them
+        finds = [square_find(s, b) for s, b in zip(shares, boxes, strict=True)]
+        found = segments(finds, Head([disc(0.6)] * 3))
+        assert [self.area(f) for f in found] == pytest.approx([0.5] * 3, rel=0.08)

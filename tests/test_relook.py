@@ -25,7 +25,8 @@ from fronto import (
 )
 from fronto import relook as module
 from fronto.outlines import Outlines
-from fronto.relook import better, look_again
+from fronto.pose.rotation import rotation_from_angles
+from fronto.relook import better, contradicts, look_again
 from fronto.results import RectifiedView
 from fronto.shapes import FloatArray
 
@@ -487,3 +488,47 @@ def test_ellipses_and_quads_are_told_apart_when_merged(view, grid, monkeypatch):
     assert [o.shape for o in found.buttons] == ["quad"] * 4 + ["ellipse", "quad"]
     center = found.buttons[4].center_px
     np.testing.assert_allclose(center, panel.outlines[4].center_px, atol=0.1)
+
+
+# --- two looks that contradict each other
+
+
+def posed(panel: Panel, degrees: float, std_deg: float, status: str = "ok") -> Panel:
+    """The same panel turned by so much, with that deviation about every axis."""
+    turn = rotation_from_angles(0.0, np.radians(degrees), 0.0)
+    covariance = np.eye(3) * np.radians(std_deg) ** 2
+    pose = replace(panel.pose, rotation=turn @ panel.pose.rotation, covariance=covariance)
+    pose = replace(pose, status=status, reasons=())
+    return replace(panel, status=status, reasons=(), pose=pose)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "std_deg", "expected"),
+    [(2.9, 0.1, False), (3.1, 0.1, True), (8.0, 2.0, False), (9.0, 2.0, True), (-9.0, 2.0, True)],
+)
+def test_looks_contradict_beyond_their_deviations(seen, degrees, std_deg, expected):
+    panel = seen[1]
+    first = posed(panel, 0.0, std_deg)
+    assert contradicts(posed(panel, degrees, std_deg), first) is expected
+    # One that is not sure of itself contradicts nothing.
+    assert not contradicts(posed(panel, degrees, std_deg, "uncertain"), first)
+    assert not contradicts(posed(panel, degrees, std_deg), posed(panel, 0.0, std_deg, "uncertain"))
+
+
+@pytest.mark.parametrize("better_one", [True, False])
+def test_a_contradicted_result_is_not_trusted(seen, monkeypatch, better_one):
+    _, panel, first = seen
+    answers = iter([posed(panel, 0.0, 0.3), posed(panel, 20.0, 0.3)])
+    monkeypatch.setattr("fronto.rectifier.look_again", lambda *_: first)
+    monkeypatch.setattr("fronto.rectifier.better", lambda again, first: better_one)
+    rectifier = Rectifier(
+        RectifierOptions(read_labels=False),
+        segment=lambda photo: Segments(640, 480, ()),
+        outline=lambda segments, photo: first,
+        solve=lambda photo, outlines, camera: next(answers),
+    )
+    found = rectifier(GREY)
+    # Where the second look fits worse, it is none to go by, and says nothing against the first.
+    assert found.status == found.pose.status == ("uncertain" if better_one else "ok")
+    assert bool(found.reasons) is better_one
+    np.testing.assert_array_equal(found.pose.rotation, panel.pose.rotation)

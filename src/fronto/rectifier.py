@@ -224,9 +224,11 @@ class Rectifier:
             second = self._solve(photo, again, camera)
         except InputError:  # a wrong pose shows nothing that could be looked at
             return first
+        if not better(second, first):
+            return first
         if contradicts(second, first):
             return _doubted(first, CONTRADICTED)
-        return found_by_itself(second, again) if better(second, first) else first
+        return found_by_itself(second, again)
 
     def find(
         self, photo: Photo, meanwhile: Callable[[], None] | None = None

@@ -23,9 +23,8 @@ __all__ = ["Verdict", "covariance", "judge", "line_weights", "weights"]
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
 #: Of more buttons than `SMALL_PANEL`: they check each other, and their deviations, which say how
-#: far the outlines may be off in the same way, are larger than the errors. On renders, 95 % of
-#: what is ok is within 3 degrees with this, too (docs/rectify.md).
-OK_STD_MANY_RAD = np.radians(4.0)
+#: far the outlines may be off in the same way, are larger than the errors.
+OK_STD_MANY_RAD = np.radians(3.0)
 #: The same with the focal length unknown: the angles are less sure than the picture is.
 OK_STD_UNKNOWN_FOCAL_RAD = np.radians(6.0)
 #: Beyond this the outlines do not determine the rotation.
