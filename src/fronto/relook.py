@@ -36,8 +36,9 @@ AGREES = 0.5
 #: Residuals that are this much larger are paid for by more buttons that agree.
 PAID = 1.1
 #: Two looks contradict each other where their rotations differ by this many of their deviations
-#: together, and by this many degrees.
-APART, APART_DEG = 3.0, 3.0
+#: together, and by this many degrees; by so many where the focal length is estimated along: it
+#: and the tilt trade off along poses that rectify alike.
+APART, APART_DEG, APART_UNKNOWN_FOCAL_DEG = 3.0, 3.0, 12.0
 
 Photo = npt.NDArray[np.uint8]
 
@@ -110,7 +111,9 @@ def contradicts(again: Panel, first: Panel) -> bool:
         return False
     apart = angle_between(again.pose.rotation, first.pose.rotation)
     variance = sum(float(np.linalg.eigvalsh(p.pose.covariance)[-1]) for p in (again, first))
-    return apart > max(APART * math.sqrt(variance), math.radians(APART_DEG))
+    estimated = first.pose.focal_std > 0
+    least = APART_UNKNOWN_FOCAL_DEG if estimated else APART_DEG
+    return apart > max(APART * math.sqrt(variance), math.radians(least))
 
 
 def _sides(outline: Outline) -> FloatArray:

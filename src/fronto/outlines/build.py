@@ -28,11 +28,11 @@ SHARP_PX, FULL_BLUR = 0.06, 3.0
 MASK_OFF = {"quad": (1.35, 0.063), "ellipse": (0.55, 0.022)}
 EDGE_OFF = {"quad": (0.6, 0.035), "ellipse": (0.4, 0.011)}
 #: The same of masks that a mask head has drawn.
-DRAWN_MASK_OFF = {"quad": (1.45, 0.06), "ellipse": (0.95, 0.026)}
-DRAWN_EDGE_OFF = {"quad": (0.8, 0.043), "ellipse": (0.65, 0.015)}
+DRAWN_MASK_OFF = {"quad": (1.2, 0.047), "ellipse": (0.8, 0.023)}
+DRAWN_EDGE_OFF = {"quad": (0.63, 0.036), "ellipse": (0.47, 0.012)}
 #: Of corners against each other, place and size left open, where all four sides follow the photo.
 FORM_OFF = (0.3, 0.002)
-DRAWN_FORM_OFF = (0.4, 0.003)
+DRAWN_FORM_OFF = (0.2, 0.002)
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
