@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fronto.categories import CATEGORIES
+from fronto.categories import CATEGORIES, PLATE
 from fronto.engine import DrawnMasks
 from fronto.finds import Find
 from fronto.grouping import Instance
 from fronto.maskhead import REACH, SIDE, Patches, mask_in_photo, region
-from fronto.masks import LEAST_DRAWN, SAME_BOX, drawn
+from fronto.masks import LEAST_DRAWN, drawn, label_place
 from fronto.scales import first_look
 from fronto.segmentation import segment
 from fronto.segments import Segment
@@ -88,6 +88,98 @@ def same(first: Segment, second: Segment) -> None:
     np.testing.assert_array_equal(first.probability, second.probability)
 
 
+class TestLabelPlace:
+    BOX = np.array([10.0, 20, 110, 60])
+
+    @pytest.mark.parametrize(
+        ("tight", "place"),
+        [
+            ((66, 22, 106, 58), (10, 20, 66, 60)),  # the label is at the left
+            ((14, 22, 54, 58), (54, 20, 110, 60)),
+            ((12, 22, 108, 46), (10, 46, 110, 60)),  # below
+            ((12, 35, 108, 59), (10, 20, 110, 35)),
+        ],
+    )
+    def test_the_rest_of_the_box_is_the_labels(self, tight: Box, place: Box) -> None:
+        found = label_place(self.BOX, np.array(tight, float))
+        assert found is not None
+        assert found.tolist() == list(place)
+
+    @pytest.mark.parametrize(
+        "tight",
+        [
+            (12, 22, 108, 58),  # all of it
+            (36, 22, 106, 58),  # too little is left
+            (40, 22, 80, 58),  # the middle: a button in a ring
+            (66, 38, 106, 58),  # in a corner
+        ],
+    )
+    def test_where_there_is_none(self, tight: Box) -> None:
+        assert label_place(self.BOX, np.array(tight, float)) is None
+
+
+def knob(share: float, at: float, axis: int = 0) -> Floats:
+    """A patch's mask: this share of the box of a find along an axis, its middle there."""
+    places = (np.arange(SIDE) + 0.5) / SIDE * REACH - (REACH - 1) / 2
+    along, across = np.abs(places - at) < share / 2, np.abs(places - 0.5) < 0.45
+    mask = np.outer(across, along) if axis == 0 else np.outer(along, across)
+    return np.asarray(mask, np.float32)
+
+
+class TestUnits:
+    """Buttons that were found together with the labels beside them."""
+
+    UNIT = (20.5, 40.5, 100.5, 80.5)
+
+    def test_a_label_becomes_a_plate(self) -> None:
+        button, label = segments([find(self.UNIT)], Head([knob(0.45, 0.75)]))
+        assert (button.category, label.category) == (CATEGORIES[3], PLATE)
+        assert button.box_px == self.UNIT
+        columns = np.nonzero(button.mask.any(axis=0))[0] + button.origin_px[0]
+        assert columns.min() == pytest.approx(100.5 - 0.475 * 80, abs=2)
+        x0, y0, x1, y1 = label.box_px
+        assert (x0, y0, y1) == (20.5, 40.5, 80.5)
+        assert x1 == columns.min() - 0.5
+        assert label.confidence == button.confidence
+
+    def test_its_mask_is_its_box(self) -> None:
+        _, label = segments([find(self.UNIT)], Head([knob(0.45, 0.25)]))
+        rows, columns = np.nonzero(label.mask)
+        x0, y0, x1, y1 = label.box_px
+        left, top = label.origin_px
+        assert (columns.min() + left - 0.5, columns.max() + left + 0.5) == (x0, x1)
+        assert (rows.min() + top - 0.5, rows.max() + top + 0.5) == (y0, y1)
+
+    def test_a_plate_is_not_divided(self) -> None:
+        plate = find(self.UNIT)
+        instance = replace(plate.instance, plate=True)
+        finds = [replace(plate, instance=instance, category=PLATE)]
+        (found,) = segments(finds, Head([knob(0.45, 0.75)]))
+        assert found.category == PLATE
+
+    @pytest.mark.parametrize(
+        ("box", "known"), [((22.5, 42.5, 60.5, 78.5), True), ((22.5, 82.5, 60.5, 110.5), False)]
+    )
+    def test_a_label_that_is_known_is_not_told_twice(self, box: Box, known: bool) -> None:
+        plate = find(box)
+        plate = replace(plate, instance=replace(plate.instance, plate=True), category=PLATE)
+        found = segments([find(self.UNIT), plate], Head([knob(0.45, 0.75), knob(0.9, 0.5)]))
+        assert [s.category for s in found].count(PLATE) == (1 if known else 2)
+
+    def test_without_a_head_there_is_none(self) -> None:
+        half = np.zeros(VIEW.image.shape[:2], np.float32)
+        u0, v0, u1, v1 = VIEW.to_network(np.reshape(self.UNIT, (2, 2))).ravel().astype(int)
+        half[v0:v1, (u0 + u1) // 2 : u1] = 1
+        (found,) = segments([find(self.UNIT, mask=half)], None)
+        assert found.category == CATEGORIES[3]
+
+    def test_a_label_at_the_photos_border_is_cut(self) -> None:
+        _, label = segments([find((-0.5, 40.5, 79.5, 80.5))], Head([knob(0.45, 0.75)]))
+        assert label.truncated
+        _, label = segments([find((-0.5, 40.5, 79.5, 80.5))], Head([knob(0.45, 0.25)]))
+        assert not label.truncated
+
+
 class TestWithAHead:
     def test_its_masks_and_forms_are_handed_on(self) -> None:
         head = Head([disc(0.6)])
@@ -128,27 +220,19 @@ class TestWithAHead:
         assert found.forms
         assert found.mask.sum() == pytest.approx((LEAST_DRAWN + 0.02) * 40**2, rel=0.05)
 
-    @pytest.mark.parametrize(("share", "anew"), [(0.6, False), (0.45, False), (0.33, True)])
-    def test_a_box_around_more_than_the_button_is_made_anew(self, share: float, anew: bool) -> None:
-        """A disc has 0.785 of its box: of the find's box that is more than a half, or less."""
-        assert (share / 0.785 < SAME_BOX) == anew
-        (found,) = segments([find()], Head([disc(share, at=(0.6, 0.5))]))
-        rows, columns = np.nonzero(found.mask)
-        x, y = found.origin_px
-        low, high = (columns.min() + x, rows.min() + y), (columns.max() + x, rows.max() + y)
-        tight = (low[0] - 0.5, low[1] - 0.5, high[0] + 0.5, high[1] + 0.5)
-        assert found.box_px == (tight if anew else BOX)
-        radius = np.sqrt(share / np.pi) * 40
-        expected = (64.5 - radius, 50.5 - radius, 64.5 + radius, 50.5 + radius)
-        np.testing.assert_allclose(tight, expected, atol=0.8)
+    @pytest.mark.parametrize("share", [0.6, 0.45, 0.2])
+    def test_the_box_stays_as_it_was_found(self, share: float) -> None:
+        (found,) = segments([find()], Head([disc(share)]))
+        assert found.box_px == BOX
+        assert found.mask.sum() == pytest.approx(share * 40**2, rel=0.03)
 
-    def test_a_box_made_anew_may_touch_the_border(self) -> None:
+    def test_only_a_mask_at_the_border_is_cut(self) -> None:
         inside, across = (-0.5, 30.5, 39.5, 70.5), (-10.5, 30.5, 29.5, 70.5)
         for box, at, cut in ((inside, 0.7, False), (across, 0.3, True), (across, 0.7, False)):
             (found,) = segments([find(box)], Head([disc(0.2, at=(at, 0.5))]))
             assert found.forms
             assert found.truncated == cut
-            assert (found.box_px[0] == -0.5) == cut
+            assert found.box_px == (-0.5, *box[1:])
 
     def test_where_neither_draws_anything_there_is_none(self) -> None:
         dark = np.zeros(VIEW.image.shape[:2], np.float32)

@@ -16,10 +16,10 @@ from fronto.camera import Camera
 from fronto.pose.rotation import rotation_from_angles
 from fronto.shapes import FloatArray
 from fronto.synth.photo import PanelPhoto, render_photo
-from fronto.synth.photo.buttons import Wardrobe, lifted
+from fronto.synth.photo.buttons import LAMP_END, WIDE, Wardrobe, lifted
 from fronto.synth.photo.forms import Form, contour
 from fronto.synth.photo.plan import Element, Label, Plan
-from fronto.synth.photo.render import _with_depth, composed, draw_plans
+from fronto.synth.photo.render import _with_depth, _with_lamp, composed, draw_plans
 from fronto.synth.photo.style import PLAIN, ButtonStyle, PlateStyle, in_relief
 from fronto.synth.photo.surfaces import Material
 from fronto.synth.photo.truth import found
@@ -272,6 +272,91 @@ def test_a_ring_with_words_is_no_part_of_a_button(height: float) -> None:
     assert levels[2] < 10
 
 
+class TestLamp:
+    """The same button with and without a lamp."""
+
+    VIEW = view_of((0, 0, 0), 0.3)
+    GREY = replace(PLAIN, collar_color=(120.0, 120.0, 120.0), label_share=0.5)
+    LONG = Form("box", 60, 30)
+
+    def changed(
+        self, first: tuple[ButtonStyle, Element], second: tuple[ButtonStyle, Element]
+    ) -> tuple[npt.NDArray[np.bool_], Element]:
+        """Where one button is seen to differ from another one with the same outline."""
+        (photo, (given,)), (other, (same,)) = (
+            drawn(style, self.VIEW, (button,)) for style, button in (first, second)
+        )
+        assert (given.x, given.y, given.form) == (same.x, same.y, same.form)
+        return np.asarray((photo != other).any(axis=2)), given
+
+    def extent(self, spots: npt.NDArray[np.bool_], given: Element) -> FloatArray:
+        """Least and greatest x and y of spots, from the button's middle, in shares of its sides."""
+        at = np.array([given.x, given.y]) / 1000
+        sides = np.array([given.form.width, given.form.height]) / 1000
+        middle, corner = to_photo(self.VIEW, np.stack([at, at + sides]))
+        places = (np.argwhere(spots)[:, ::-1] - middle) / (corner - middle)
+        return np.asarray([places.min(axis=0), places.max(axis=0)])
+
+    @pytest.mark.parametrize("height", [0.0, 0.3])
+    @pytest.mark.parametrize("font", [0, 1])
+    @pytest.mark.parametrize("right", [False, True])
+    def test_it_is_at_one_end(self, right: bool, font: int, height: float) -> None:
+        flush = replace(self.GREY, font=font, height=height)
+        style = replace(flush, lamp=0.4, lamp_right=right)
+        button = element(2, 3, self.LONG)
+        low, high = self.extent(*self.changed((style, button), (flush, button)))
+        near, far = low[0], high[0]
+        if not right:
+            near, far = -far, -near
+        assert 0.5 - LAMP_END - 0.02 < near < far < 0.52
+        # As high as stated, or a ring's own width and two pixels more, in the middle.
+        assert 0.36 < high[1] - low[1] < 0.52
+        assert abs(high[1] + low[1]) < 0.06
+
+    @pytest.mark.parametrize("lit", [False, True])
+    def test_it_is_lit_as_the_button_is(self, lit: bool) -> None:
+        style = replace(self.GREY, lamp=0.4, lit_part="symbol")
+        photo, (given,) = drawn(style, self.VIEW, (replace(element(0, 0, self.LONG), lit=lit),))
+        at = np.array([[given.x + (0.5 - LAMP_END / 2) * given.form.width, given.y]]) / 1000
+        u, v = np.rint(to_photo(self.VIEW, at)[0]).astype(int)
+        assert photo[v, u].tolist() == list(style.light if lit else style.collar_color)
+
+    @pytest.mark.parametrize("right", [False, True])
+    def test_the_label_is_beside_it(self, right: bool) -> None:
+        style = replace(self.GREY, lamp=0.4, lamp_right=right)
+        bare = element(0, 0, self.LONG)
+        label = replace(bare, label=Label("OPEN"))
+        low, high = self.extent(*self.changed((style, label), (style, bare)))
+        near, far = (-high[0], -low[0]) if right else (low[0], high[0])
+        assert -0.5 + LAMP_END - 0.02 < near < far < 0.5
+        assert near + far == pytest.approx(LAMP_END, abs=0.05)
+        # Without a lamp it is in the middle, and has room to be wider.
+        dark = replace(style, lamp=0.0)
+        low, high = self.extent(*self.changed((dark, label), (dark, bare)))
+        assert abs(low[0] + high[0]) < 0.05
+        assert high[0] - low[0] > 1.2 * (far - near)
+
+    @pytest.mark.parametrize(
+        "form",
+        [FORMS[0], FORMS[2], FORMS[4], Form("box", 30 * WIDE, 30), Form("box", 30, 60)],
+        ids=["square", "disc", "octagon", "hardly wide", "tall"],
+    )
+    def test_only_wide_buttons_have_one(self, form: Form) -> None:
+        style = replace(self.GREY, lamp=0.4)
+        button = replace(element(0, 0, form), label=Label("OPEN"))
+        assert not self.changed((style, button), (self.GREY, button))[0].any()
+
+    def test_some_styles_have_one(self) -> None:
+        rng = np.random.default_rng(0)
+        plain = replace(PLAIN, label_share=0.6)
+        styles = [_with_lamp(rng, plain) for _ in range(300)]
+        with_it = [s for s in styles if s.lamp]
+        assert 60 < len(with_it) < 120
+        assert all(0.15 <= s.lamp <= 0.45 and s.label_share <= 0.5 for s in with_it)
+        assert 0.5 < np.mean([s.lamp_right for s in with_it]) < 0.9
+        assert {s for s in styles if not s.lamp} == {plain}
+
+
 class TestStyles:
     def test_out_in_and_flush(self) -> None:
         rng = np.random.default_rng(0)
@@ -303,6 +388,8 @@ class TestStyles:
             assert w.plate == flush.plate
         assert 10 < sum(w.key.label_ring > 0 for w in mixed) < 30
         assert {s.label_ring for w in mixed for s in (*w.buttons, w.mushroom)} == {0}
+        assert {s.lamp for w in mixed for s in (w.key, w.mushroom)} == {0}
+        assert 4 < sum(w.buttons[0].lamp > 0 for w in mixed) < 20
         assert min(w.buttons[0].height for w in mixed) < 0 < max(w.key.height for w in mixed)
 
 
@@ -341,8 +428,11 @@ def test_without_relief_all_is_as_before(
     def never(*_: object) -> None:
         raise AssertionError
 
-    for name in ("render._with_depth", "render.in_relief", "buttons.lifted", "buttons._stamp"):
-        monkeypatch.setattr(f"fronto.synth.photo.{name}", never)
+    names = ("_with_depth", "in_relief", "_with_lamp", "lifted", "_stamp", "_draw_lamp")
+    for k, name in enumerate(names):
+        monkeypatch.setattr(f"fronto.synth.photo.{'render' if k < 3 else 'buttons'}.{name}", never)
+    # Nor is room left for a lamp on any button.
+    monkeypatch.setattr("fronto.synth.photo.buttons._has_lamp", lambda *_: False)
     for seed, (plain, _) in zip(SEEDS, pairs, strict=True):
         rng = np.random.default_rng(seed)
         assert equal(render_photo(rng, 200, 150, relief=False), plain)

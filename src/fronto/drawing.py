@@ -121,8 +121,9 @@ def write_text(canvas: Picture, text: str, at: tuple[int, int], unit: float, col
         return
     for mask, ink in ((halo, HALO), (letters, color)):
         cut = mask[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
-        weight = cut[..., None].astype(np.float32) / 255.0
-        part[:] = np.rint(part + weight * (np.array(ink) - part)).astype(np.uint8)
+        weight = cut[..., None] * np.float32(1 / 255)
+        mixed = part + weight * (np.array(ink, np.float32) - part)
+        part[:] = np.rint(mixed).astype(np.uint8)
 
 
 def text_size(text: str, unit: float) -> tuple[int, int]:

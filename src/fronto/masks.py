@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from fronto.categories import PLATE
 from fronto.finds import REACH, Find, owned
-from fronto.grouping import overlaps
 from fronto.maskhead import REACH as REACH_OF_PATCH
 from fronto.maskhead import SIDE, describe, mask_in_photo
 from fronto.segments import Segment
@@ -19,7 +19,7 @@ from fronto.shapes import FloatArray
 if TYPE_CHECKING:
     from fronto.engine import MaskEngine
 
-__all__ = ["drawn"]
+__all__ = ["drawn", "label_place"]
 
 #: The photos that the network learned from are labelled loosely, their buttons' boxes and so its
 #: masks are larger than buttons outlined exactly, by a sixth in area in the median of those
@@ -28,15 +28,23 @@ TIGHT = 0.9
 #: ... unless that would cut into what is this sure: the mask's edge is a crisp one.
 CRISP = 0.95
 #: A mask must fill this share of its box: less is no button, but a flaw. A mask head may know
-#: better: a box can have been put around a button and a ring or label beside it.
+#: better: a box can have been put around a button and a ring or label beside it. The box stays as
+#: it was found: photos are labelled so, too.
 LEAST_FILL, LEAST_DRAWN = 0.25, 0.1
 #: A button has several edges, of rings, collars and flanks. Which one is meant, and so how large it
 #: is, the network knows better, which has learned from photos of real panels; the mask head, which
 #: has learned from renders, knows its form. A mask that it has drawn is made as large as the
 #: network's, where their areas differ by no more than this: else they are of different things.
 LIKE = (0.6, 1.5)
-#: Such a box is made anew where it overlaps its mask's by less than this.
-SAME_BOX = 0.5
+#: A label takes the rest of such a box: this share of its length lies at one end, at the other no
+#: more than this share of that, and the mask has this share of its width.
+LABEL, OTHER_END, WIDTH = 0.3, 0.4, 0.55
+#: A label that has been found by itself covers this share of that place, or is covered by it so.
+FOUND = 0.3
+#: A mask that ends this close to the photo's border, where its box ends, is cut there.
+AT_EDGE_PX = 3.0
+#: How sure one is that pixels of that place are the label's.
+LABEL_PIXELS = 0.9
 #: One that fills less than the first share is of a button whose pixels are unsure (an ellipse fills
 #: 0.79): then the likeliest pixels, the second share of the box, are its mask, if they are no less
 #: likely than this.
@@ -49,6 +57,8 @@ def drawn(
     finds: Sequence[Find], rgb: npt.NDArray[np.uint8], head: MaskEngine | None
 ) -> tuple[Segment, ...]:
     """The segments of all finds of a photo, in their order; those without a mask are left out.
+
+    Labels that were found together with the buttons beside them come as plates, after these.
 
     Parameters
     ----------
@@ -76,15 +86,77 @@ def drawn(
         for k, part in enumerate(patches.regions):
             mask, origin = mask_in_photo(masks[k], part, width, height)
             fine[k] = (mask, origin, tuple(told.forms[k].tolist()))
+    plates = np.array([f.box for f in kept if f.instance.plate]).reshape(-1, 4)
     segments = []
     for k, (find, seen) in enumerate(there):
         area = float((seen[2:] - seen[:2]).prod())
         made = _usable(fine[k], LEAST_DRAWN * area)
         if made is None:
             made = _usable(_rough(boxes, k, find, area, rgb.shape), LEAST_FILL * area)
-        if made is not None:
-            segments.append(_segment(find, seen, made, width, height))
+        if made is None:
+            continue
+        segments.append(_segment(find, seen, made, width, height))
+        if made[2] and not find.instance.plate:
+            label = label_place(seen, _box(made[0], made[1]))
+            if label is not None and not _known(label, plates):
+                segments.append(_label(find, label, width, height))
     return tuple(segments)
+
+
+def label_place(box: FloatArray, tight: FloatArray) -> FloatArray | None:
+    """Where the label is that a network took for a part of the button beside it.
+
+    Many photos are labelled so: a box around both. The mask head knows what one presses.
+
+    Parameters
+    ----------
+    box, tight
+        Shape (4,): edges x0, y0, x1, y1 of what was found and of the button's mask.
+
+    Returns
+    -------
+    Edges (4,), or None: the button takes all of the box, or its middle.
+    """
+    sides = box[2:] - box[:2]
+    before, after = (tight[:2] - box[:2]) / sides, (box[2:] - tight[2:]) / sides
+    free = np.stack([before, after])
+    end, axis = (int(k) for k in np.unravel_index(int(free.argmax()), (2, 2)))
+    if free[end, axis] < LABEL or free[1 - end, axis] > OTHER_END * free[end, axis]:
+        return None
+    if 1 - free[:, 1 - axis].sum() < WIDTH:
+        return None
+    place = box.copy()
+    place[axis + 2 * (1 - end)] = tight[axis + 2 * end]
+    return place
+
+
+def _known(place: FloatArray, plates: FloatArray) -> bool:
+    """Whether one of the plates' boxes (n, 4) is about there."""
+    low, high = np.maximum(place[:2], plates[:, :2]), np.minimum(place[2:], plates[:, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=1)
+    own, theirs = (place[2:] - place[:2]).prod(), (plates[:, 2:] - plates[:, :2]).prod(axis=1)
+    return bool((shared > FOUND * np.minimum(own, theirs)).any())
+
+
+def _label(find: Find, place: FloatArray, width: int, height: int) -> Segment:
+    """The label beside a button that was found together with it."""
+    low = np.clip(np.floor(place[:2]).astype(int), 0, (width - 1, height - 1))
+    high = np.clip(np.ceil(place[2:]).astype(int), 0, (width - 1, height - 1))
+    columns, rows = high - low + 1
+    x, y = low[0] + np.arange(columns), low[1] + np.arange(rows)
+    # How far each pixel lies within it: edges between pixels.
+    across = np.clip(np.minimum(x - place[0], place[2] - x) + 0.5, 0, 1)
+    down = np.clip(np.minimum(y - place[1], place[3] - y) + 0.5, 0, 1)
+    probability = np.asarray(LABEL_PIXELS * down[:, None] * across, np.float32)
+    edges = place == (-0.5, -0.5, width - 0.5, height - 0.5)
+    return Segment(
+        PLATE,
+        find.confidence,
+        (float(place[0]), float(place[1]), float(place[2]), float(place[3])),
+        (int(low[0]), int(low[1])),
+        probability,
+        truncated=bool(edges.any()),
+    )
 
 
 #: Probability (h, w), its top-left pixel in the photo, and how likely each form is, if known.
@@ -101,11 +173,9 @@ def _usable(made: _Mask | None, least: float) -> _Mask | None:
 
 def _segment(find: Find, seen: FloatArray, made: _Mask, width: int, height: int) -> Segment:
     probability, origin, forms = made
-    if forms:
-        tight = _box(probability, origin)
-        if overlaps(tight, seen[None])[0] < SAME_BOX:
-            seen = tight
-    edges = seen == (-0.5, -0.5, width - 0.5, height - 0.5)
+    edge = np.array([-0.5, -0.5, width - 0.5, height - 0.5])
+    # The box may be cut where only a label is.
+    edges = (seen == edge) & (np.abs(_box(probability, origin) - edge) < AT_EDGE_PX)
     return Segment(
         find.category,
         find.confidence,

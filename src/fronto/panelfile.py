@@ -271,6 +271,8 @@ def _ellipse(ellipse: Ellipse | None) -> dict[str, float] | None:
 
 def _plain(value: Any) -> Any:
     """JSON's own types, None for what is no finite number."""
+    if type(value) is float:  # most of them
+        return value if math.isfinite(value) else None
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, Mapping):

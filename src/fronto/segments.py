@@ -30,7 +30,8 @@ class Segment:
         How sure it is that something of this kind is there, 0 to 1.
     box_px
         Edges x0, y0, x1, y1 in the photo (pixel centres at whole numbers, so the box of
-        pixels 3 to 7 is 2.5 to 7.5).
+        pixels 3 to 7 is 2.5 to 7.5). It may be larger than the mask: around a button and a
+        ring, or the label beside it, which is then a plate of its own.
     origin_px
         Column and row in the photo of the probability's top-left pixel.
     probability

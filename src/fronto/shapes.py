@@ -224,7 +224,7 @@ class Outline:
         """
         return cls(
             "quad",
-            corners_px=np.asarray(corners_px, dtype=object),  # checked and copied below
+            corners_px=_unchecked(corners_px),
             std_px=std_px,
             category=category,
             confidence=confidence,
@@ -327,6 +327,13 @@ class LineSegment:
                 "give the ends of a longer line, or leave it out",
             )
         object.__setattr__(self, "ends_px", ends)
+
+
+def _unchecked(corners_px: npt.ArrayLike) -> FloatArray:
+    """As an array, whatever it holds: `Outline` checks and copies it."""
+    if isinstance(corners_px, np.ndarray):
+        return corners_px
+    return np.asarray(corners_px, dtype=object)
 
 
 def _cross(u: FloatArray, v: FloatArray) -> float:

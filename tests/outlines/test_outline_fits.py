@@ -9,7 +9,6 @@ from panelforms import around, circle, mapped, quad, view
 from fronto import Ellipse
 from fronto.outlines.edges import EdgePoints
 from fronto.outlines.fits import (
-    ellipse_distance,
     fit_ellipses,
     fit_quads,
     intersections,
@@ -222,12 +221,3 @@ def test_covariance_of_an_ellipse():
     spread = np.cov(found.shape.T) / 0.2**2
     expected = found.inverse.mean(axis=0)
     np.testing.assert_allclose(np.diag(spread) / np.diag(expected), 1, atol=0.35)
-
-
-def test_distance_from_a_circle_is_exact():
-    shape = np.array([20, 30, 0.01, 0, 0.01])
-    xy = np.array([20, 30]) + around(9) * np.array(
-        [[5], [8], [9.5], [10], [10.1], [12], [20], [40], [1]]
-    )
-    expected = np.linalg.norm(xy - [20, 30], axis=1) - 10
-    np.testing.assert_allclose(ellipse_distance(np.tile(shape, (9, 1)), xy), expected, atol=1e-9)

@@ -1,5 +1,8 @@
 """How exact outlines are, from masks alone and with the photo; and what edges mislead."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,8 +11,9 @@ from panelforms import around, circle, quad, view
 from panelmaker import corner_errors, ellipse_errors, panel, rms
 
 from fronto import outline
-from fronto.outlines.fits import fit_offsets
+from fronto.outlines.fits import intersections, move_sides
 from fronto.outlines.profiles import Stations, find_edges
+from fronto.outlines.subpixel import _in_place
 
 fixed = settings(derandomize=True, deadline=None, max_examples=60)
 ERRORS = {quad: corner_errors, circle: ellipse_errors}
@@ -207,23 +211,91 @@ def test_a_flat_photo_has_no_step():
     assert find_edges(made.picture([((), 0)], noise=0), stations, 0).step[0] == 0
 
 
+BOX = np.array([[(0, -1, -10), (1, 0, 60), (0, 1, 40), (-1, 0, -20.0)]])  # 40 wide, 30 high
+
+
 @fixed
 @given(st.floats(-3, 3), st.floats(-2, 2), st.integers(0, 6), st.integers(0, 5))
-def test_lines_through_stations(a, b, missing, wrong):
+def test_sides_move_to_what_stations_show(a, b, missing, wrong):
     t = np.linspace(-0.5, 0.5, 24)
-    offset = a + b * t
-    offset[3 : 3 + missing] = np.nan
-    offset[12 : 12 + wrong] += 2.5
-    line, spread, seen = fit_offsets(np.stack([offset, offset]), np.stack([t, t]))
-    np.testing.assert_allclose(line, [[a, b]] * 2, atol=1e-6)
-    np.testing.assert_allclose(spread, 0, atol=1e-6)
-    np.testing.assert_allclose(seen, (24 - missing - wrong) / 24)
+    offset = np.tile(a + b * t, (1, 4, 1))
+    offset[..., 3 : 3 + missing] = np.nan
+    offset[..., 12 : 12 + wrong] += 2.5
+    moved = move_sides(BOX, offset, t[None], BOX)
+    np.testing.assert_allclose(moved.spread, 0, atol=1e-6)
+    np.testing.assert_allclose(moved.seen, (24 - missing - wrong) / 24)
+    away = abs(a) / np.hypot(1, b / np.array([[40, 30, 40, 30]]))
+    np.testing.assert_allclose(moved.near, away, atol=1e-9)
+    np.testing.assert_allclose(
+        moved.turned, np.arctan(abs(b) / np.array([[40, 30, 40, 30]])), atol=1e-9
+    )
+    top, left = moved.lines[0, 0], moved.lines[0, 3]
+    # The top runs from (20, 10) to (60, 10), outwards is up; the left side runs upwards.
+    for x, y in ((20, 10 - a + b / 2), (60, 10 - a - b / 2)):
+        np.testing.assert_allclose(top[:2] @ (x, y), top[2], atol=1e-6)
+    for x, y in ((20 - a + b / 2, 40), (20 - a - b / 2, 10)):
+        np.testing.assert_allclose(left[:2] @ (x, y), left[2], atol=1e-6)
+
+
+def test_what_is_near_is_told_of_the_masks_sides():
+    further = BOX + np.array([0, 0, 1.5])  # all around
+    t = np.linspace(-0.5, 0.5, 20)[None]
+    moved = move_sides(further, np.zeros((1, 4, 20)), t, BOX)
+    np.testing.assert_allclose(moved.lines, further, atol=1e-9)
+    np.testing.assert_allclose(moved.near, 1.5)
+    np.testing.assert_allclose(moved.turned, 0, atol=1e-9)
 
 
 @pytest.mark.parametrize("known", [0, 1, 2])
 def test_too_few_stations_make_no_line(known):
-    offset = np.full((1, 20), np.nan)
-    offset[0, :known] = 0.3
-    _, spread, seen = fit_offsets(offset, np.linspace(-0.5, 0.5, 20)[None])
-    assert spread[0] == np.inf
-    assert seen[0] == 0
+    offset = np.full((1, 4, 20), np.nan)
+    offset[..., :known] = 0.3
+    moved = move_sides(BOX, offset, np.linspace(-0.5, 0.5, 20)[None], BOX)
+    assert (moved.spread == np.inf).all()
+    assert (moved.seen == 0).all()
+
+
+def test_a_quad_in_the_place_of_another_one():
+    rng = np.random.default_rng(4)
+    forms = np.array([[(0, 0), (12, 1), (13, 9), (-1, 10.0)], [(3, 2), (9, 2), (9, 8), (2, 9.0)]])
+    others = 1.4 * forms[::-1] + rng.uniform(-20, 20, (2, 1, 2))
+    lines, masks = (
+        sides_of(corners) for corners in (forms + rng.uniform(-20, 20, (2, 1, 2)), others)
+    )
+    found = intersections(_in_place(lines, masks))
+    np.testing.assert_allclose(found.mean(axis=1), others.mean(axis=1), atol=1e-9)
+    # Each has its own form still, and the other's area.
+    grown = np.sqrt(area(others) / area(forms))[:, None, None]
+    away = found - found.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(away, grown * (forms - forms.mean(axis=1, keepdims=True)))
+
+
+def sides_of(corners):
+    along = np.roll(corners, -1, axis=1) - corners
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=2)
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    return np.concatenate([normal, (normal * corners).sum(axis=2, keepdims=True)], axis=2)
+
+
+def area(corners):
+    x, y = corners[..., 0], corners[..., 1]
+    return np.abs((x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(axis=1)) / 2
+
+
+@pytest.mark.parametrize(("side", "free"), [(25, False), (60, True)])
+def test_small_drawn_masks_keep_their_place_and_size(side, free):
+    """Masks are a pixel too large; of small ones that a head has drawn the photo tells the form."""
+    made = panel(np.random.default_rng(5), quad, side=side, columns=2, rows=2)
+    grown = tuple(
+        replace(s, probability=cv2.dilate(s.probability, np.ones((3, 3))))
+        for s in made.segments().segments
+    )
+    forms = tuple(replace(s, forms=(0.9, 0.05, 0.05)) for s in grown)
+    for given_segments, moves in ((grown, True), (forms, free)):
+        masks = replace(made.segments(), segments=given_segments)
+        found, alone = (
+            np.stack([b.corners_px for b in outline(masks, picture, lines=False).buttons])
+            for picture in (made.picture(), None)
+        )
+        shrunk = np.sqrt(area(alone)) - np.sqrt(area(found))
+        np.testing.assert_allclose(shrunk, 2.4 if moves else 0, atol=0.6 if moves else 1e-6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -23,11 +23,15 @@ torch = pytest.importorskip("torch")
 from fronto.datasets.records import LabeledImage, LabeledObject, polygon_box
 from fronto.engine import Engine
 from fronto.errors import InputError
+from fronto.finds import Find
+from fronto.grouping import Instance
 from fronto.maskhead import FORMS, SIDE, Region
+from fronto.scales import first_look
 from fronto.shapes import FloatArray
 from fronto.synth.photo.view import clipped
 from fronto.train.masks.collect import (
     MOST,
+    PILLS,
     SEEN,
     SHIFT,
     ZOOM,
@@ -356,36 +360,67 @@ class TestCollect:
         found, again = (some(engine, [(rendered(0.5, 0.5), 1.0)], 3) for _ in range(2))
         for ours, theirs in zip(found, again, strict=True):
             equal(ours, theirs)
-        whole = joined(found)
+        assert set(joined(found).forms.tolist()) <= set(range(len(FORMS)))
+        # Each find is half of what it is taken for, or more, where none is a button and its plate.
+        monkeypatch.setattr("fronto.train.masks.collect.UNITS", 0.0)
+        whole = joined(some(engine, [(rendered(0.5, 0.5), 1.0)], 3))
         assert set(whole.forms.tolist()) <= set(range(len(FORMS)))
-        # Each find is half of what it is taken for, or more.
         share = (whole.masks > 127).mean(axis=(1, 2))
         assert (share > 0.1).all()
         assert (share < 0.9).all()
 
 
+def find(box: tuple[float, float, float, float], *, plate: bool = False) -> Find:
+    view = first_look(np.zeros((120, 160, 3), np.uint8))
+    u0, v0, u1, v1 = view.to_network(np.reshape(box, (2, 2))).ravel().tolist()
+    instance = Instance(plate, 0.9, (u0, v0, u1, v1), np.full(11, 1 / 11))
+    mask = np.ones(view.image.shape[:2], np.float32)
+    return Find(instance, np.array(box, float), view, mask, 0.9, "plate" if plate else "up", False)
+
+
+def matches(
+    finds: list[Find], outlines: tuple[FloatArray, ...], plates: Collection[int] = ()
+) -> list[int]:
+    n = len(outlines)
+    image = np.zeros((120, 160, 3), np.uint8)
+    kinds = [k in plates for k in range(n)]
+    return [int(k) for k in _matches(finds, Shown(image, outlines, kinds, [0] * n, [True] * n))]
+
+
 class TestMatches:
     BUTTON = quad(50, 50, 20, 20)
 
-    def match(self, box: tuple[float, float, float, float], *outlines: FloatArray) -> int:
-        return int(_matches([np.array(box)], outlines or (self.BUTTON,))[0])
+    def match(
+        self,
+        box: tuple[float, float, float, float],
+        *outlines: FloatArray,
+        plate: bool = False,
+        plates: Collection[int] = (),
+    ) -> int:
+        (found,) = matches([find(box, plate=plate)], outlines or (self.BUTTON,), plates)
+        return found
 
     def test_what_a_box_overlaps_most(self) -> None:
         other = quad(72, 50, 20, 20)
-        boxes = [np.array(b) for b in ((40, 40, 60, 60), (62, 40, 82, 60), (51, 40, 71, 60))]
+        boxes = ((40, 40, 60, 60), (62, 40, 82, 60), (51, 40, 71, 60))
         # The third lies half on either: 11 of 29, and 9 of 31.
-        assert _matches(boxes, [self.BUTTON, other]).tolist() == [0, 1, -1]
+        assert matches([find(b) for b in boxes], (self.BUTTON, other)) == [0, 1, -1]
 
     def test_a_half_is_enough(self) -> None:
         # Moved by d of 20 pixels: (20 - d) / (20 + d).
         assert self.match((46, 40, 66, 60)) == 0
         assert self.match((47, 40, 67, 60)) == -1
 
-    def test_the_one_thing_that_a_large_box_is_around(self) -> None:
-        assert self.match((30, 30, 70, 70)) == 0  # a quarter of it
-        assert self.match((20, 20, 80, 80)) == -1  # a ninth
-        assert self.match((41, 30, 81, 70)) == 0  # 0.95 of it inside
-        assert self.match((43, 30, 83, 70)) == -1  # 0.85
+    @pytest.mark.parametrize("kind", [False, True])
+    def test_the_one_thing_that_a_large_box_is_around(self, kind: bool) -> None:
+        def match(*box: float, own: bool = True) -> int:
+            return self.match(box, plate=kind, plates={0} if kind == own else set())
+
+        assert match(30, 30, 70, 70) == 0  # a quarter of it
+        assert match(20, 20, 80, 80) == -1  # a ninth
+        assert match(41, 30, 81, 70) == 0  # 0.95 of it inside
+        assert match(43, 30, 83, 70) == -1  # 0.85
+        assert match(30, 30, 70, 70, own=False) == -1  # of the other kind
 
     def test_unless_there_is_another_one(self) -> None:
         box = (30.0, 30.0, 70.0, 70.0)
@@ -394,6 +429,30 @@ class TestMatches:
         assert self.match(box, quad(73, 50, 10, 10), self.BUTTON) == 1
         # A box that is one's own has it, whatever else is there.
         assert self.match((40, 40, 60, 60), self.BUTTON, quad(50, 50, 6, 6)) == 0
+
+    def test_what_is_of_the_other_kind_is_not_another_one(self) -> None:
+        box, label = (30.0, 30.0, 70.0, 70.0), quad(50, 66, 40, 8)
+        assert self.match(box, self.BUTTON, label) == -1
+        assert self.match(box, self.BUTTON, label, plates={1}) == 0
+        assert self.match(box, label, self.BUTTON, plates={0}) == 1
+        assert self.match(box, label, self.BUTTON, plate=True, plates={1}) == 1
+        # Nor do many labels make one button two; two buttons are two beside a label.
+        small = quad(35, 50, 8, 8)
+        assert self.match(box, self.BUTTON, label, small, plates={1, 2}) == 0
+        assert self.match(box, self.BUTTON, label, small, plates={1}) == -1
+
+    def test_the_one_of_its_kind_beside_a_larger_one_of_the_other(self) -> None:
+        box = (20.0, 40.0, 80.0, 60.0)
+        button, label = quad(30, 50, 20, 20), quad(60, 50, 40, 20)  # a third, and two
+        assert self.match(box, label, button) == 0
+        assert self.match(box, label, button, plates={0}) == 1
+        assert self.match(box, label, button, plate=True, plates={1}) == 1
+        assert self.match(box, label, button, plate=True, plates={0}) == 0
+        # What is no match for it stays with what it overlaps most.
+        half = quad(20, 50, 20, 20)
+        tiny = quad(30, 50, 11, 11)  # a tenth
+        for others in ((half,), (tiny,), (button, quad(60, 50, 10, 10)), ()):
+            assert self.match(box, label, *others, plates={0}) == 0
 
 
 @settings(derandomize=True, deadline=None, max_examples=100)
@@ -425,7 +484,8 @@ class TestRendered:
         draw = rendered(twins, relief)
         for seed in range(4):
             draw(np.random.default_rng(seed))
-        assert asked == [{"twins": twins == 1, "relief": relief == 1}] * 4
+        asked_for = {"twins": twins == 1, "relief": relief == 1, "pills": PILLS}
+        assert asked == [asked_for] * 4
 
     def test_what_is_known(self, monkeypatch: pytest.MonkeyPatch) -> None:
         import fronto.synth.photo as photo
@@ -439,7 +499,7 @@ class TestRendered:
 
         monkeypatch.setattr("fronto.train.masks.collect.SIZES", ((160, 120), (120, 160)))
         monkeypatch.setattr("fronto.synth.photo.render_photo", kept)
-        draw, forms, shapes = rendered(0.5, 0.5), set(), set()
+        draw, forms, shapes, units = rendered(0.5, 0.5), set(), set(), 0
         for seed in range(12):
             shown = draw(np.random.default_rng(seed))
             objects = drawn[-1].objects
@@ -448,12 +508,17 @@ class TestRendered:
             assert all(a is o.polygon_px for a, o in zip(shown.outlines, objects, strict=True))
             assert shown.plates == [o.category == "plate" for o in objects]
             assert shown.learned == [o.visible >= SEEN for o in objects]
+            for button, plate in shown.units:
+                assert objects[button].category != "plate" == objects[plate].category
+                assert objects[button].text == objects[plate].text
+            units += len(shown.units)
             for form, o in zip(shown.forms, objects, strict=True):
                 forms.add(form)
                 assert (FORMS[form] == "odd") == o.outline.odd
                 assert o.outline.odd or FORMS[form] == o.outline.shape
         assert shapes == {(120, 160, 3), (160, 120, 3)}
         assert forms == {0, 1, 2}
+        assert units > 10
 
 
 def test_labelled_photos(tmp_path: Path) -> None:

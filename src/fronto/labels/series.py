@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import NamedTuple
 
@@ -60,6 +61,7 @@ def label_key(label: str) -> str:
     return label[1:] if len(label) > 1 and label[0] == "*" else label
 
 
+@functools.lru_cache(maxsize=4096)
 def floor_of(label: str) -> Floor | None:
     """Where a label in normal form is in its series; None for what has no number."""
     found = _NUMBERED.fullmatch(label_key(label))
@@ -69,6 +71,7 @@ def floor_of(label: str) -> Floor | None:
     return floor if floor.label == label_key(label) else None  # "01" is not what "1" is written as
 
 
+@functools.lru_cache(maxsize=4096)
 def is_floor(label: str) -> bool:
     """Whether a label names a floor: a number with letters around it, or one or two letters.
 

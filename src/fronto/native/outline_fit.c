@@ -15,35 +15,48 @@ static const double FLOOR_PX = 0.1;
 static const double FAR = 0.2;
 /* Eighths of a side's central part, to see along how much of it there are points. */
 enum { BINS = 8, ROUNDS = 8, PARAMETERS = 5 };
+/* Sides that move by less, pixels, stand still. */
+static const double STILL_OFF = 1e-4;
 /* An ellipse that moves by less, in pixels and as a share of its shape, stands still. */
 static const double STILL = 1e-4;
 
 /* Where the edge between neighbours inside and outside runs: where their values cross one half,
  * or in the middle where they do not (a closing added one of them). inside, values (rows,
- * columns); what lies beyond the array is outside. out (2 * (rows + 1) * (columns + 1), 3):
- * x, y and the step of the values there. Returns the number of points. */
+ * columns), whose top-left pixel is at `left`, `top` of a photo (height, width); what lies beyond
+ * the array is outside. -> xy (2 * (rows + 1) * (columns + 1), 2) in the photo; border: whether a
+ * point lies beyond the photo's outermost pixels; steps (2): sum of the values' steps at the
+ * others, and their number. Returns the number of points. */
 FRONTO_API int64_t fronto_edge_points(int64_t rows, int64_t columns, const uint8_t *inside,
-                                      const float *values, double *out) {
+                                      const float *values, int64_t left, int64_t top,
+                                      int64_t height, int64_t width, double *xy, uint8_t *border,
+                                      double *steps) {
     int64_t n = 0;
-    for (int64_t y = 0; y <= rows; y++)
+    steps[0] = steps[1] = 0;
+    for (int64_t y = 0; y <= rows; y++) {
+        const uint8_t *row = y < rows ? inside + y * columns : 0;
+        const uint8_t *above = y > 0 ? inside + (y - 1) * columns : 0;
         for (int64_t x = 0; x <= columns; x++) {
-            const int here = y < rows && x < columns && inside[y * columns + x];
-            const double value = y < rows && x < columns ? values[y * columns + x] : 0.0;
+            const int in = row && x < columns, here = in && row[x];
+            const int other[2] = {row && x > 0 && row[x - 1], above && x < columns && above[x]};
+            if (here == other[0] && here == other[1]) continue;
+            const double value = in ? values[y * columns + x] : 0.0;
             for (int down = 0; down < 2; down++) {
+                if (here == other[down]) continue;
                 const int64_t r = y - down, c = x - !down; /* the neighbour before */
-                if (r < 0 && c < 0) continue;
-                const int in = r >= 0 && c >= 0 && r < rows && c < columns;
-                if (here == (in && inside[r * columns + c])) continue;
-                const double before = in ? values[r * columns + c] : 0.0;
+                const int known = r >= 0 && c >= 0 && r < rows && c < columns;
+                const double before = known ? values[r * columns + c] : 0.0;
                 double share = 0.5;
                 if ((before - 0.5) * (value - 0.5) <= 0 && before != value)
                     share = (0.5 - before) / (value - before);
-                out[3 * n] = down ? (double)x : (double)c + share;
-                out[3 * n + 1] = down ? (double)r + share : (double)y;
-                out[3 * n + 2] = fabs(value - before);
+                const double u = (double)left + (down ? (double)x : (double)c + share);
+                const double v = (double)top + (down ? (double)r + share : (double)y);
+                xy[2 * n] = u, xy[2 * n + 1] = v;
+                border[n] = u < 0 || v < 0 || u > (double)(width - 1) || v > (double)(height - 1);
+                if (!border[n]) steps[0] += fabs(value - before), steps[1] += 1;
                 n++;
             }
         }
+    }
     return n;
 }
 
@@ -68,8 +81,9 @@ static double select_kth(double *v, int64_t n, int64_t k) {
     return v[k];
 }
 
-static double biweight(double distance, double sigma) {
-    const double r = distance / (TUKEY * sigma), s = 1.0 - r * r;
+/* Tukey's biweight; `reach` is 1 over the distance from which on it is 0. */
+static double weight(double distance, double reach) {
+    const double r = distance * reach, s = 1.0 - r * r;
     return s > 0 ? s * s : 0.0;
 }
 
@@ -107,15 +121,16 @@ static int start_quad(int64_t n, const double *p, double *corner) {
 }
 
 typedef struct {
-    double tx, ty, mx, my, length; /* tangent, middle, length */
+    double tx, ty, mx, my, inverse; /* tangent, middle, 1 / length */
     double w, x, y, xx, xy, yy;    /* weighted sums */
     unsigned bins;
     double seen;
 } Side;
 
 /* New lines, and corners from them if those are a sound quad. */
-static void move_sides(Side *side, double *corner, double *line, double *rms, double size) {
-    double moved[8];
+/* Returns how far the corners have moved. */
+static double move_sides(Side *side, double *corner, double *line, double *rms, double size) {
+    double moved[8], farthest = 0;
     for (int k = 0; k < 4; k++) {
         Side *s = side + k;
         double *l = line + 3 * k;
@@ -140,14 +155,16 @@ static void move_sides(Side *side, double *corner, double *line, double *rms, do
         const double det = p[0] * q[1] - p[1] * q[0];
         moved[2 * k] = (p[2] * q[1] - p[1] * q[2]) / det;
         moved[2 * k + 1] = (p[0] * q[2] - p[2] * q[0]) / det;
-        if (!(hypot(moved[2 * k] - corner[2 * k], moved[2 * k + 1] - corner[2 * k + 1]) < 2 * size))
-            return;
+        const double far = hypot(moved[2 * k] - corner[2 * k], moved[2 * k + 1] - corner[2 * k + 1]);
+        if (!(far < 2 * size)) return INFINITY;
+        farthest = fmax(farthest, far);
     }
     for (int k = 0; k < 4; k++) {
         const double *a = moved + 2 * k, *b = moved + 2 * ((k + 1) % 4), *c = moved + 2 * ((k + 2) % 4);
-        if (!((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 0)) return;
+        if (!((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 0)) return INFINITY;
     }
     for (int k = 0; k < 8; k++) corner[k] = moved[k];
+    return farthest;
 }
 
 /* Each point goes to its nearest side, if it lies along that side's central part: place (n)
@@ -158,8 +175,8 @@ static void sort_points(int64_t n, const double *p, const uint8_t *border, doubl
     for (int k = 0; k < 4; k++) {
         const double *a = corner + 2 * k, *b = corner + 2 * ((k + 1) % 4);
         Side s = {0};
-        s.length = hypot(b[0] - a[0], b[1] - a[1]);
-        s.tx = (b[0] - a[0]) / s.length, s.ty = (b[1] - a[1]) / s.length;
+        s.inverse = 1 / hypot(b[0] - a[0], b[1] - a[1]);
+        s.tx = (b[0] - a[0]) * s.inverse, s.ty = (b[1] - a[1]) * s.inverse;
         s.mx = (a[0] + b[0]) / 2, s.my = (a[1] + b[1]) / 2;
         side[k] = s;
     }
@@ -169,8 +186,10 @@ static void sort_points(int64_t n, const double *p, const uint8_t *border, doubl
         for (int k = 0; k < 4; k++) {
             const Side *s = side + k;
             const double dx = p[2 * i] - s->mx, dy = p[2 * i + 1] - s->my;
-            const double t = (dx * s->tx + dy * s->ty) / s->length, d = dx * s->ty - dy * s->tx;
-            if (fabs(t) <= 0.5 && fabs(d) < off[i]) off[i] = fabs(d), of[i] = k, place[i] = t;
+            const double d = fabs(dx * s->ty - dy * s->tx);
+            if (!(d < off[i])) continue;
+            const double t = (dx * s->tx + dy * s->ty) * s->inverse;
+            if (fabs(t) <= 0.5) off[i] = d, of[i] = k, place[i] = t;
         }
         if (!(fabs(place[i]) <= central / 2)) place[i] = NAN;
     }
@@ -180,37 +199,42 @@ static void sort_points(int64_t n, const double *p, const uint8_t *border, doubl
  * guesses: all points count. */
 static void sum_sides(int64_t n, const double *p, double central, int first_round, Side *side,
                       const int *of, const double *place, const double *off, double *work) {
+    int64_t start[5] = {0}, filled[4];
+    double reach[4];
+    const double scale = BINS / central;
+    for (int64_t i = 0; i < n; i++) start[of[i] + 1] += place[i] == place[i];
+    for (int k = 0; k < 4; k++) filled[k] = start[k], start[k + 1] += start[k];
+    for (int64_t i = 0; i < n; i++)
+        if (place[i] == place[i]) work[filled[of[i]]++] = off[i];
     for (int k = 0; k < 4; k++) {
-        Side *s = side + k;
-        int64_t own = 0;
-        for (int64_t i = 0; i < n; i++)
-            if (of[i] == k && place[i] == place[i]) work[own++] = off[i];
-        if (!own) continue;
-        const double sigma = fmax(1.4826 * select_kth(work, own, own / 2), FLOOR_PX);
-        for (int64_t i = 0; i < n; i++) {
-            if (of[i] != k || !(place[i] == place[i])) continue;
-            const double w = first_round ? 1.0 : biweight(off[i], sigma);
-            const double x = p[2 * i] - s->mx, y = p[2 * i + 1] - s->my;
-            if (w > 0) {
-                const int bin = (int)((place[i] / central + 0.5) * BINS);
-                s->bins |= 1u << (bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin);
-                s->seen += 1;
-            }
-            s->w += w, s->x += w * x, s->y += w * y;
-            s->xx += w * x * x, s->xy += w * x * y, s->yy += w * y * y;
-        }
+        const int64_t own = start[k + 1] - start[k];
+        const double middle = own ? select_kth(work + start[k], own, own / 2) : 0.0;
+        reach[k] = 1 / (TUKEY * fmax(1.4826 * middle, FLOOR_PX));
+    }
+    for (int64_t i = 0; i < n; i++) {
+        if (!(place[i] == place[i])) continue;
+        Side *s = side + of[i];
+        const double w = first_round ? 1.0 : weight(off[i], reach[of[i]]);
+        if (!(w > 0)) continue;
+        const double x = p[2 * i] - s->mx, y = p[2 * i + 1] - s->my;
+        const int bin = (int)(place[i] * scale + 0.5 * BINS);
+        s->bins |= 1u << (bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin);
+        s->seen += 1;
+        s->w += w, s->x += w * x, s->y += w * y;
+        s->xx += w * x * x, s->xy += w * x * y, s->yy += w * y * y;
     }
 }
 
-/* corner (n,4,2): in: where to start, or NaN to find that; out: the quads, clockwise as seen,
+/* still: corners that move by less, pixels, are good enough.
+ * corner (n,4,2): in: where to start, or NaN to find that; out: the quads, clockwise as seen,
  * NaN where there is none. central (n): share of a side on which its line is fitted.
  * line (n,4,3): normal outwards and offset of the sides; side k runs from corner k to the
  * next. covered, rms, count (n,4): share of the central part with points, RMS of their
  * distances (NaN: a side without a line of its own), number. Returns 0 if memory ran out. */
-FRONTO_API int fronto_fit_quads(int64_t n, const int64_t *first, const double *xy,
-                                 const uint8_t *border, const double *size,
-                                 const double *central, double *corner, double *line,
-                                 double *covered, double *rms, double *count) {
+FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *first, const double *xy,
+                                const uint8_t *border, const double *size,
+                                const double *central, double *corner, double *line,
+                                double *covered, double *rms, double *count) {
     int64_t most = 1;
     for (int64_t i = 0; i < n; i++)
         if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
@@ -236,7 +260,8 @@ FRONTO_API int fronto_fit_quads(int64_t n, const int64_t *first, const double *x
         for (int round = 0; round < ROUNDS; round++) {
             sort_points(points, p, border + first[i], size[i], central[i], side, c, of, place, off);
             sum_sides(points, p, central[i], round == 0, side, of, place, off, work);
-            move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
+            const double moved = move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
+            if (round > 1 && moved < still) break;
         }
         for (int k = 0; k < 4; k++) {
             int hit = 0;
@@ -250,47 +275,84 @@ FRONTO_API int fronto_fit_quads(int64_t n, const int64_t *first, const double *x
     return 1;
 }
 
-/* Robust lines offset = a + b t through the stations of n curves, NaN: none there. offset (n,k),
- * t (n,k) -> line (n,2), rms (n) of the deviations (infinity without stations), seen (n) share
- * of the stations that the line passes. k is at most 64. */
-FRONTO_API void fronto_fit_offsets(int64_t n, int64_t k, const double *offset, const double *t,
-                                   double *line, double *rms, double *seen) {
+/* A robust line offset = a + b t through k stations, NaN: none there: line (2), RMS of the
+ * deviations (infinity without stations), share of the stations that the line passes. k is at
+ * most 64. */
+static void fit_offset(int64_t k, const double *v, const double *u, double *line, double *rms,
+                       double *seen) {
     double off[64], sorted[64];
+    double a = 0, b = 0, reach = 0;
+    line[0] = line[1] = *seen = 0, *rms = INFINITY;
+    for (int round = 0; round < ROUNDS; round++) {
+        double w0 = 0, ut = 0, vt = 0, uu = 0, uv = 0, sum = 0;
+        int64_t finite = 0, good = 0;
+        const double before = a;
+        for (int64_t j = 0; j < k; j++) {
+            if (!(v[j] == v[j])) continue;
+            const double w = weight(v[j] - a - b * u[j], reach);
+            w0 += w, ut += w * u[j], vt += w * v[j];
+            uu += w * u[j] * u[j], uv += w * u[j] * v[j];
+        }
+        if (!(w0 > 2)) break;
+        ut /= w0, vt /= w0, uu -= w0 * ut * ut, uv -= w0 * ut * vt;
+        if (!(uu > 1e-12)) break;
+        b = uv / uu, a = vt - b * ut;
+        for (int64_t j = 0; j < k; j++) {
+            if (!(v[j] == v[j])) continue;
+            off[finite] = fabs(v[j] - a - b * u[j]);
+            sorted[finite] = off[finite], finite++;
+        }
+        reach = 1 / (TUKEY * fmax(1.4826 * select_kth(sorted, finite, finite / 2), 0.05));
+        w0 = 0;
+        for (int64_t j = 0; j < finite; j++) {
+            const double w = weight(off[j], reach);
+            w0 += w, sum += w * off[j] * off[j], good += w > 0.3;
+        }
+        line[0] = a, line[1] = b;
+        *rms = w0 > 0 ? sqrt(sum / w0) : INFINITY;
+        *seen = (double)good / (double)k;
+        if (round > 1 && fabs(a - before) < STILL_OFF) break;
+    }
+}
+
+/* Where two lines nx x + ny y = c meet. */
+static void meet(const double *p, const double *q, double *at) {
+    const double det = p[0] * q[1] - p[1] * q[0];
+    at[0] = (p[2] * q[1] - p[1] * q[2]) / det;
+    at[1] = (p[0] * q[2] - p[2] * q[0]) / det;
+}
+
+/* Sides of n quads, lines (n,4,3), moved by what was found at their stations: offset (n,4,k)
+ * outwards, NaN for none, at places t (n,k) along the sides, -1/2 to 1/2 from corner to corner.
+ * masks (n,4,3): the sides that the masks have. -> moved (n,4,3); spread (n,4): RMS of the
+ * stations from the moved side; seen (n,4): share of the stations that it passes; near, turned
+ * (n,4): how far it is from the mask's at the middle of that, pixels and radians. */
+FRONTO_API void fronto_move_sides(int64_t n, int64_t k, const double *lines, const double *offset,
+                                  const double *t, const double *masks, double *moved,
+                                  double *spread, double *seen, double *near, double *turned) {
     for (int64_t i = 0; i < n; i++) {
-        const double *v = offset + i * k, *u = t + i * k;
-        double a = 0, b = 0, sigma = INFINITY;
-        line[2 * i] = line[2 * i + 1] = seen[i] = 0, rms[i] = INFINITY;
-        for (int round = 0; round < ROUNDS; round++) {
-            double w0 = 0, ut = 0, vt = 0, uu = 0, uv = 0, sum = 0;
-            int64_t finite = 0, good = 0;
-            for (int64_t j = 0; j < k; j++) {
-                if (!(v[j] == v[j])) continue;
-                const double w = biweight(v[j] - a - b * u[j], sigma);
-                w0 += w, ut += w * u[j], vt += w * v[j];
-            }
-            if (!(w0 > 2)) break;
-            ut /= w0, vt /= w0;
-            for (int64_t j = 0; j < k; j++) {
-                if (!(v[j] == v[j])) continue;
-                const double w = biweight(v[j] - a - b * u[j], sigma);
-                uu += w * (u[j] - ut) * (u[j] - ut), uv += w * (u[j] - ut) * (v[j] - vt);
-            }
-            if (!(uu > 0)) break;
-            b = uv / uu, a = vt - b * ut;
-            for (int64_t j = 0; j < k; j++) {
-                if (!(v[j] == v[j])) continue;
-                off[finite] = fabs(v[j] - a - b * u[j]);
-                sorted[finite] = off[finite], finite++;
-            }
-            sigma = fmax(1.4826 * select_kth(sorted, finite, finite / 2), 0.05);
-            w0 = 0;
-            for (int64_t j = 0; j < finite; j++) {
-                const double w = biweight(off[j], sigma);
-                w0 += w, sum += w * off[j] * off[j], good += w > 0.3;
-            }
-            line[2 * i] = a, line[2 * i + 1] = b;
-            rms[i] = w0 > 0 ? sqrt(sum / w0) : INFINITY;
-            seen[i] = (double)good / (double)k;
+        const double *l = lines + 12 * i, *m = masks + 12 * i;
+        double corner[8], own[8];
+        for (int s = 0; s < 4; s++) {
+            meet(l + 3 * ((s + 3) % 4), l + 3 * s, corner + 2 * s);
+            meet(m + 3 * ((s + 3) % 4), m + 3 * s, own + 2 * s);
+        }
+        for (int s = 0; s < 4; s++) {
+            const int64_t at = 4 * i + s;
+            const double *a = corner + 2 * s, *b = corner + 2 * ((s + 1) % 4);
+            const double *normal = l + 3 * s;
+            double fitted[2], *to = moved + 3 * at;
+            fit_offset(k, offset + at * k, t + i * k, fitted, spread + at, seen + at);
+            const double x = b[0] - a[0] + fitted[1] * normal[0];
+            const double y = b[1] - a[1] + fitted[1] * normal[1];
+            const double length = fmax(hypot(x, y), 1e-9);
+            to[0] = y / length, to[1] = -x / length;
+            to[2] = to[0] * ((a[0] + b[0]) / 2 + fitted[0] * normal[0]) +
+                    to[1] * ((a[1] + b[1]) / 2 + fitted[0] * normal[1]);
+            const double *c = own + 2 * s, *d = own + 2 * ((s + 1) % 4), *from = m + 3 * s;
+            near[at] = fabs(to[0] * (c[0] + d[0]) / 2 + to[1] * (c[1] + d[1]) / 2 - to[2]);
+            const double sine = to[0] * from[1] - to[1] * from[0];
+            turned[at] = fabs(asin(sine > 1 ? 1 : sine < -1 ? -1 : sine));
         }
     }
 }
@@ -300,7 +362,7 @@ FRONTO_API void fronto_fit_offsets(int64_t n, int64_t k, const double *offset, c
 static double sampson(const double *s, double x, double y, double *jacobian) {
     const double dx = x - s[0], dy = y - s[1];
     const double gx = s[2] * dx + s[3] * dy, gy = s[3] * dx + s[4] * dy;
-    const double q2 = dx * gx + dy * gy, g = hypot(gx, gy);
+    const double q2 = dx * gx + dy * gy, g = sqrt(gx * gx + gy * gy);
     if (!(q2 > 1e-12) || !(g > 1e-12)) {
         for (int k = 0; k < PARAMETERS; k++) jacobian[k] = 0;
         return -1e-3;
@@ -362,23 +424,29 @@ static void start_ellipse(int64_t n, const double *p, double *s) {
     s[0] = mx, s[1] = my, s[2] = yy / det, s[3] = -xy / det, s[4] = xx / det;
 }
 
+/* work: 2 n + 5 n numbers. */
 static int fit_ellipse(int64_t n, const double *p, double *s, double *rms, double *inverse,
-                       double *distance, double *sorted) {
+                       double *work) {
+    double *distance = work, *sorted = work + n, *jacobians = work + 2 * n;
     for (int round = 0; round < ROUNDS; round++) {
-        double normal[25] = {0}, right[5] = {0}, total = 0, sum = 0, j[5], step[5], moved = 0;
+        double normal[25] = {0}, right[5] = {0}, total = 0, sum = 0, step[5], moved = 0;
         for (int64_t i = 0; i < n; i++) {
-            distance[i] = sampson(s, p[2 * i], p[2 * i + 1], j);
+            distance[i] = sampson(s, p[2 * i], p[2 * i + 1], jacobians + 5 * i);
             sorted[i] = fabs(distance[i]);
         }
         const double sigma = fmax(1.4826 * select_kth(sorted, n, n / 2), FLOOR_PX);
+        const double reach = 1 / (TUKEY * sigma);
         for (int64_t i = 0; i < n; i++) {
-            const double w = biweight(distance[i], sigma), d = sampson(s, p[2 * i], p[2 * i + 1], j);
+            const double d = distance[i], w = weight(d, reach), *j = jacobians + 5 * i;
             total += w, sum += w * d * d;
             for (int a = 0; a < 5; a++) {
-                right[a] += w * j[a] * d;
-                for (int b = 0; b < 5; b++) normal[5 * a + b] += w * j[a] * j[b];
+                const double share = w * j[a];
+                right[a] += share * d;
+                for (int b = 0; b <= a; b++) normal[5 * a + b] += share * j[b];
             }
         }
+        for (int a = 0; a < 5; a++)
+            for (int b = a + 1; b < 5; b++) normal[5 * a + b] = normal[5 * b + a];
         if (!invert(normal, inverse)) return 0;
         *rms = sqrt(sum / total);
         for (int a = 0; a < 5; a++) {
@@ -409,7 +477,7 @@ FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double
     int64_t most = 1;
     for (int64_t i = 0; i < n; i++)
         if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
-    double *work = malloc(2 * (size_t)most * sizeof *work);
+    double *work = malloc((2 + PARAMETERS) * (size_t)most * sizeof *work);
     if (!work) return 0;
     for (int64_t i = 0; i < n; i++) {
         const int64_t points = first[i + 1] - first[i];
@@ -417,7 +485,7 @@ FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double
         double *s = shape + 5 * i;
         if (points >= 6 && !(s[0] == s[0])) start_ellipse(points, p, s);
         if (points >= 6 && is_ellipse(s) &&
-            fit_ellipse(points, p, s, rms + i, inverse + 25 * i, work, work + most))
+            fit_ellipse(points, p, s, rms + i, inverse + 25 * i, work))
             continue;
         for (int k = 0; k < 5; k++) s[k] = NAN;
         for (int k = 0; k < 25; k++) inverse[25 * i + k] = NAN;

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from fronto.shapes import Outline
+from fronto.shapes import FloatArray, Outline
 
 __all__ = ["agreeing_orders", "at_odds", "doubles"]
 
@@ -23,7 +24,7 @@ def agreeing_orders(outlines: Sequence[Outline]) -> list[Outline]:
     result = list(outlines)
     if len(quads) < 2:
         return result
-    across = np.array([_across(outlines[k]) for k in quads])
+    across = _across(np.stack([np.asarray(outlines[k].corners_px) for k in quads]))
     # Directions but for quarter turns; their mean, and of its four the one nearest to +x.
     base = np.angle((across**4).sum()) / 4
     for k, turned in zip(quads, across, strict=True):
@@ -40,14 +41,18 @@ def agreeing_orders(outlines: Sequence[Outline]) -> list[Outline]:
     return result
 
 
-def _across(outline: Outline) -> complex:
-    """Mean direction of all sides, those that run down turned back by 90 degrees; length 1."""
-    c = outline.corners_px
-    assert c is not None
-    along = complex(*(c[1] - c[0] + c[2] - c[3]))
-    down = complex(*(c[3] - c[0] + c[2] - c[1])) / 1j
-    direction = along / max(abs(along), 1e-12) + down / max(abs(down), 1e-12)
-    return direction / max(abs(direction), 1e-12)
+def _across(corners: FloatArray) -> npt.NDArray[np.complex128]:
+    """Mean direction (n,) of all sides of quads (n, 4, 2), of length 1.
+
+    Those that run down are turned back by 90 degrees.
+    """
+    x, y = corners.transpose(2, 1, 0)
+    c = x + 1j * y
+
+    def unit(z: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+        return np.asarray(z / np.maximum(np.abs(z), 1e-12))
+
+    return unit(unit(c[1] - c[0] + c[2] - c[3]) + unit((c[3] - c[0] + c[2] - c[1]) / 1j))
 
 
 def at_odds(outlines: Sequence[Outline]) -> list[int]:
@@ -72,12 +77,12 @@ def doubles(outlines: Sequence[Outline]) -> list[int]:
         (boxes[:, :2] + boxes[:, 2:]) / 2,
         np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1)),
     )
+    apart = np.abs(center[:, None] - center).max(axis=2)
+    same = apart < SAME * np.minimum(size[:, None], size)
+    if np.count_nonzero(same) == len(outlines):  # each with itself
+        return []
     kept: list[int] = []
-    dropped = []
+    dropped: list[int] = []
     for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].confidence):
-        near = np.abs(center[kept] - center[k]).max(axis=1, initial=0)
-        if (near < SAME * np.minimum(size[kept], size[k])).any():
-            dropped.append(k)
-        else:
-            kept.append(k)
+        (dropped if same[k, kept].any() else kept).append(k)
     return dropped

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from fronto.errors import InputError
 from fronto.outlines.edges import EdgePoints
+from fronto.outlines.fits import intersections
 from fronto.outlines.kinds import TOGETHER, Shapes
 from fronto.outlines.subpixel import ON_ELLIPSE, ON_SIDE, Refined
 from fronto.segments import Segment
 from fronto.shapes import Ellipse, FloatArray, Outline, upright_order
 
-__all__ = ["Measured", "built"]
+__all__ = ["Measured", "built", "measured"]
+
+#: Pixels, and a share of the button's size.
+Constants = tuple[float, float]
+
 
 #: A side is seen if there are edge points along this share of its central part.
 COVERED = 0.6
@@ -41,71 +48,120 @@ AT_END = 1 + 12 * (0.5 / 0.8) ** 2
 
 
 class Measured(NamedTuple):
-    """All that was fitted to the mask k of a photo.
+    """All that was fitted to n masks of a photo, and how sure it is.
 
     Parameters
     ----------
-    k
-        Index of the mask.
-    drawn
-        Whether a mask head has drawn it.
     points, shapes, refined
-        Of all masks of the photo.
+        Of all masks.
     corners
-        (4, 2) pixels: where the refined sides of mask k meet; NaN or infinite where they do not.
+        (n, 4, 2) pixels: where the refined sides of each mask meet; NaN or infinite where they
+        do not.
+    seen
+        (n, 4): which sides of quads are seen.
+    quad_std, form_std, ellipse_off
+        (n,) pixels: deviation of quads' corners, the same against each other, and what an
+        ellipse's fit does not show of its own.
+    at_border
+        (n,): whether the photo's border cuts the mask.
     """
 
-    k: int
-    drawn: bool
     points: EdgePoints
     shapes: Shapes
     refined: Refined
     corners: FloatArray
+    seen: npt.NDArray[np.bool_]
+    quad_std: FloatArray
+    form_std: FloatArray
+    ellipse_off: FloatArray
+    at_border: npt.NDArray[np.bool_]
 
 
-def built(segment: Segment, measured: Measured) -> Outline | str:
-    """The outline of a mask, or why there is none."""
-    m = measured
-    if m.points.size[m.k] < LEAST_SIZE_PX:
+def measured(
+    points: EdgePoints, shapes: Shapes, refined: Refined, drawn: npt.NDArray[np.bool_]
+) -> Measured:
+    """What `built` needs; `drawn` (n,) tells which masks a mask head has drawn."""
+    quads, n = shapes.quads, len(points.size)
+    seen = (quads.covered >= COVERED) & np.isfinite(quads.rms)
+    blurred = np.clip((points.blur - 1) / (FULL_BLUR - 1), 0, 1)
+
+    def off(constants: Constants, drawn_constants: Constants) -> FloatArray:
+        """A deviation of blurred masks, and what rests on them: pixels, a share of the size."""
+        px, share = np.where(drawn[:, None], drawn_constants, constants).T
+        return np.asarray(blurred * np.hypot(px, share * points.size))
+
+    def systematic(shape: Literal["quad", "ellipse"], share: FloatArray) -> FloatArray:
+        """What the fit's own deviation does not show; `share` of the outline is the photo's."""
+        mask = off(MASK_OFF[shape], DRAWN_MASK_OFF[shape])
+        edge = off(EDGE_OFF[shape], DRAWN_EDGE_OFF[shape])
+        return np.asarray(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
+
+    # Of the sides that are seen: the deviation of a corner coordinate from their fits.
+    rms = np.maximum(refined.line_rms, 0.05)
+    number = np.where(refined.from_image, ON_SIDE / 2, quads.number / TOGETHER * 2)
+    variance = np.where(seen, AT_END * rms**2 / np.maximum(number, 1.0), 0.0)
+    fits = np.sqrt(variance.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
+    fits = np.where(np.array([kind == "odd" for kind in shapes.kind]), ODD_STD * points.size, fits)
+    quad = np.hypot(fits, systematic("quad", refined.from_image.mean(axis=1)))
+    border = np.bincount(points.owner[points.border], minlength=n) > 0
+    return Measured(
+        points,
+        shapes,
+        refined,
+        intersections(refined.lines),
+        seen,
+        quad,
+        np.minimum(quad, np.hypot(fits, off(FORM_OFF, DRAWN_FORM_OFF))),
+        systematic("ellipse", refined.ellipse_from_image.astype(float)),
+        np.asarray(border),
+    )
+
+
+def built(segment: Segment, m: Measured, k: int) -> Outline | str:
+    """The outline of the mask k, or why there is none."""
+    if m.points.size[k] < LEAST_SIZE_PX:
         return "the mask is too small"
-    kind = m.shapes.kind[m.k]
+    kind = m.shapes.kind[k]
     if kind == "ellipse":
-        return _ellipse(segment, m)
-    return _quad(segment, m, odd=kind == "odd")
+        return _ellipse(segment, m, k)
+    return _quad(segment, m, k, odd=kind == "odd")
 
 
-def _ellipse(segment: Segment, m: Measured) -> Outline | str:
-    k = m.k
-    cx, cy, m11, m12, m22 = m.refined.shape[k]
+def _ellipse(segment: Segment, m: Measured, k: int) -> Outline | str:
+    cx, cy, m11, m12, m22 = m.refined.shape[k].tolist()
     own = slice(m.points.first[k], m.points.first[k + 1])
-    border = m.points.border[own]
-    if _arc(m.points.xy[own][~border], np.array([cx, cy])) < LEAST_ARC:
+    xy = m.points.xy[own]
+    if m.at_border[k]:
+        xy = xy[~m.points.border[own]]
+    if _arc(xy, np.array([cx, cy])) < LEAST_ARC:
         return "less than half of it is seen"
+    det = m11 * m22 - m12 * m12
+    if not det > 0:
+        return "no ellipse fits it"
     try:
         ellipse = Ellipse.from_shape_matrix(
-            (cx, cy), np.linalg.inv(np.array([[m11, m12], [m12, m22]]))
+            (cx, cy), np.array([[m22 / det, -m12 / det], [-m12 / det, m11 / det]])
         )
     except (InputError, np.linalg.LinAlgError):
         return "no ellipse fits it"
     spread = max(float(m.refined.ellipse_rms[k]), 0.1)
     if m.refined.ellipse_from_image[k]:
         # Two parameters' variance each from half the stations, as on a full circle.
-        statistical = spread * np.sqrt(2 / (ON_ELLIPSE / 2))
+        statistical = spread * math.sqrt(2 / (ON_ELLIPSE / 2))
     else:
-        variance = m.shapes.ellipses.inverse[k][[0, 1], [0, 1]].mean()
-        statistical = spread * np.sqrt(max(float(variance), 0.0) * TOGETHER)
+        inverse = m.shapes.ellipses.inverse[k]
+        variance = float(inverse[0, 0] + inverse[1, 1]) / 2
+        statistical = spread * math.sqrt(max(variance, 0.0) * TOGETHER)
     return Outline.ellipse(
         ellipse.cx,
         ellipse.cy,
         ellipse.a,
         ellipse.b,
         ellipse.angle_deg,
-        std_px=float(
-            np.hypot(statistical, _systematic(m, "ellipse", float(m.refined.ellipse_from_image[k])))
-        ),
+        std_px=math.hypot(statistical, float(m.ellipse_off[k])),
         category=segment.category,
         confidence=segment.confidence,
-        truncated=bool(border.any()),
+        truncated=bool(m.at_border[k]),
         shape_confidence=float(m.shapes.confidence[k]),
     )
 
@@ -115,67 +171,36 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
     angle = np.arctan2(xy[:, 1] - center[1], xy[:, 0] - center[0])
     hit = np.zeros(bins, bool)
     hit[((angle / (2 * np.pi) + 0.5) * bins).astype(int) % bins] = True
-    return float(hit.mean())
+    return np.count_nonzero(hit) / bins
 
 
-def _systematic(m: Measured, shape: Literal["quad", "ellipse"], share: float) -> float:
-    """What the fit's own deviation does not show; `share` of the outline is the photo's."""
-    masks, edges = (DRAWN_MASK_OFF, DRAWN_EDGE_OFF) if m.drawn else (MASK_OFF, EDGE_OFF)
-    mask, edge = _off(m, *masks[shape]), _off(m, *edges[shape])
-    return float(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
-
-
-def _off(m: Measured, px: float, share: float) -> float:
-    """A deviation of blurred masks, and what rests on them: pixels, and a share of the size."""
-    blurred = min(max((float(m.points.blur[m.k]) - 1) / (FULL_BLUR - 1), 0.0), 1.0)
-    return float(blurred * np.hypot(px, share * float(m.points.size[m.k])))
-
-
-def _quad(segment: Segment, m: Measured, *, odd: bool) -> Outline | str:
-    k = m.k
-    quads = m.shapes.quads
-    seen = (quads.covered[k] >= COVERED) & np.isfinite(quads.rms[k])
-    corners = m.corners
+def _quad(segment: Segment, m: Measured, k: int, *, odd: bool) -> Outline | str:
+    corners, seen = m.corners[k], m.seen[k].tolist()
     if odd:
         # Its rectangle bounds all of it, or it is cut.
-        if m.points.border[m.points.first[k] : m.points.first[k + 1]].any():
+        if m.at_border[k]:
             return "too little of it is seen to tell its shape"
-        corners, seen = m.shapes.bounds[k], np.ones(4, bool)
-    if seen.sum() < 2:
+        corners, seen = m.shapes.bounds[k], [True] * 4
+    if sum(seen) < 2:
         return "less than two of its sides are seen"
-    truncated = not seen.all()
     if not np.isfinite(corners).all():
         return "its sides bound no button"
     ordered = upright_order(corners)
     # Where in the ordered quad each side has come to: order_corners only turns the quad.
-    turn = int(np.argmin(np.linalg.norm(corners - ordered[0], axis=1)))
-    std = ODD_STD * float(m.points.size[k]) if odd else _quad_std(m, seen)
-    top, right, bottom, left = (bool(s) for s in np.roll(seen, -turn))
-    total = float(np.hypot(std, _systematic(m, "quad", float(m.refined.from_image[k].mean()))))
-    form = None
-    if not odd and seen.all() and m.refined.from_image[k].all():
-        off = _off(m, *(DRAWN_FORM_OFF if m.drawn else FORM_OFF))
-        form = min(total, float(np.hypot(std, off)))
+    turn = corners.tolist().index(ordered[0].tolist())
+    top, right, bottom, left = seen[turn:] + seen[:turn]
+    whole = not odd and all(seen) and bool(m.refined.from_image[k].all())
     try:
         return Outline.quad(
             ordered,
-            std_px=total,
+            std_px=float(m.quad_std[k]),
             category=segment.category,
             confidence=segment.confidence,
             odd=odd,
-            truncated=truncated,
+            truncated=not all(seen),
             seen=(top, right, bottom, left),
             shape_confidence=float(m.shapes.confidence[k]),
-            form_std_px=form,
+            form_std_px=float(m.form_std[k]) if whole else None,
         )
     except InputError:
         return "its sides bound no button"
-
-
-def _quad_std(m: Measured, seen: FloatArray) -> float:
-    """Deviation of a corner coordinate from the seen sides' fits."""
-    k = m.k
-    rms = np.maximum(m.refined.line_rms[k], 0.05)
-    number = np.where(m.refined.from_image[k], ON_SIDE / 2, m.shapes.quads.number[k] / TOGETHER * 2)
-    variance = AT_END * rms**2 / np.maximum(number, 1.0)
-    return float(np.sqrt(variance[seen].mean()))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fronto.native import library
+from fronto.native import address, library
 from fronto.segments import Segment
 from fronto.shapes import FloatArray
 
@@ -64,24 +64,38 @@ def closed_mask(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
     """
     import cv2
 
-    inside = mask.astype(np.uint8)
-    shorter = min(cv2.boundingRect(inside)[2:])
+    inside = np.ascontiguousarray(mask, bool).view(np.uint8)
+    left, top, width, height = cv2.boundingRect(inside)
+    shorter = min(width, height)
     if shorter == 0:
         return inside
+    right, bottom = inside.shape[1] - left - width, inside.shape[0] - top - height
     reach = min(int(KERNEL * shorter), MAX_KERNEL) // 2
-    if reach:
+    if reach and min(left, top, right, bottom) >= 2 * reach:
+        inside = np.asarray(cv2.morphologyEx(inside, cv2.MORPH_CLOSE, _kernel_of(reach)), np.uint8)
+    elif reach:
         # A frame around it: at the array's border the erosion would eat, or the closing stick.
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         framed = cv2.copyMakeBorder(
             inside, reach, reach, reach, reach, cv2.BORDER_CONSTANT, value=(0,)
         )
-        closed = cv2.morphologyEx(framed, cv2.MORPH_CLOSE, kernel)
+        closed = cv2.morphologyEx(framed, cv2.MORPH_CLOSE, _kernel_of(reach))
         inside = np.ascontiguousarray(closed[reach:-reach, reach:-reach])
-    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    contours, _ = cv2.findContours(inside, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    if len(contours) == 1:  # one piece without holes
+        return inside
+    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     largest = max(range(len(contours)), key=lambda k: cv2.contourArea(contours[k]))
     filled = np.zeros_like(inside)
     cv2.drawContours(filled, contours, largest, (1,), cv2.FILLED)
     return np.asarray(filled)
+
+
+@functools.cache
+def _kernel_of(reach: int) -> npt.NDArray[np.uint8]:
+    import cv2
+
+    side = 2 * reach + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
 def edge_points(segments: Sequence[Segment], width: int, height: int) -> EdgePoints:
@@ -97,40 +111,39 @@ def edge_points(segments: Sequence[Segment], width: int, height: int) -> EdgePoi
     width, height
         The photo's size.
     """
-    parts = [_points(segment, width, height) for segment in segments]
-    counts = [len(xy) for xy, _, _, _ in parts]
-    return EdgePoints(
-        np.concatenate([xy for xy, _, _, _ in parts] or [np.zeros((0, 2))]),
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        np.concatenate([border for _, border, _, _ in parts] or [np.zeros(0, bool)]),
-        np.array([size for _, _, size, _ in parts], dtype=np.float64),
-        np.array([blur for _, _, _, blur in parts], dtype=np.float64),
-    )
-
-
-def _points(
-    segment: Segment, width: int, height: int
-) -> tuple[FloatArray, npt.NDArray[np.bool_], float, float]:
-    probability = segment.probability
-    inside = closed_mask(probability > 0.5)
-    area = int(inside.sum())
-    if area == 0:
-        return np.zeros((0, 2)), np.zeros(0, bool), 0.0, 1.0
-    rows, columns = inside.shape
-    values = np.ascontiguousarray(probability, np.float32)
-    found = np.empty((2 * (rows + 1) * (columns + 1), 3))
-    count = _kernel()(rows, columns, inside.ctypes.data, values.ctypes.data, found.ctypes.data)
-    xy = found[:count, :2] + segment.origin_px
-    # Beyond the photo's outermost pixels nobody knows.
-    border = np.asarray(((xy < 0) | (xy > (width - 1, height - 1))).any(axis=1))
-    inner = found[:count][~border, 2]
-    blur = 1 / max(float(inner.mean()), 0.05) if len(inner) else 1.0
-    return xy, border, float(np.sqrt(area)), blur
+    n = len(segments)
+    shapes = np.array([s.probability.shape for s in segments], np.int64).reshape(-1, 2)
+    room = int(2 * (shapes + 1).prod(axis=1).sum())
+    xy, border, steps = np.empty((room, 2)), np.empty(room, bool), np.zeros((n, 2))
+    at = (address(xy, np.float64), address(border, np.bool_), address(steps, np.float64))
+    first, area = np.zeros(n + 1, np.int64), np.zeros(n)
+    count = 0
+    for k, segment in enumerate(segments):
+        inside = closed_mask(segment.probability > 0.5)
+        area[k] = np.count_nonzero(inside)
+        if area[k]:
+            values = np.ascontiguousarray(segment.probability, np.float32)
+            count += _kernel()(
+                *inside.shape,
+                address(inside, np.uint8),
+                address(values, np.float32),
+                *segment.origin_px,
+                height,
+                width,
+                at[0] + count * xy.strides[0],
+                at[1] + count * border.strides[0],
+                at[2] + k * steps.strides[0],
+            )
+        first[k + 1] = count
+    total, number = steps.T
+    blur = np.where(number > 0, 1 / np.maximum(total / np.maximum(number, 1), 0.05), 1.0)
+    return EdgePoints(xy[:count].copy(), first, border[:count].copy(), np.sqrt(area), blur)
 
 
 @functools.cache
 def _kernel() -> Any:
     kernel = library().fronto_edge_points
-    kernel.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 3
+    size, pointer = ctypes.c_int64, ctypes.c_void_p
+    kernel.argtypes = [size, size, pointer, pointer, *[size] * 4, *[pointer] * 3]
     kernel.restype = ctypes.c_int64
     return kernel

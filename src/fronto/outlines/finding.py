@@ -12,9 +12,8 @@ import numpy.typing as npt
 
 from fronto.errors import InputError
 from fronto.outlines.agreement import agreeing_orders, at_odds, doubles
-from fronto.outlines.build import Measured, built
+from fronto.outlines.build import built, measured
 from fronto.outlines.edges import edge_points
-from fronto.outlines.fits import intersections
 from fronto.outlines.hough import hough_corners
 from fronto.outlines.kinds import find_shapes
 from fronto.outlines.result import Outlines
@@ -149,13 +148,14 @@ def _found(
     told = [segment.forms for segment in segments]
     forms = np.array(told) if corners == "subpixel" and all(told) else None
     shapes = find_shapes(points, rgb, forms)
-    refined = refine(rgb, shapes, points.size, points.blur)
-    sharp = intersections(refined.lines)
+    drawn = np.array([bool(segment.forms) for segment in segments])
+    refined = refine(rgb, shapes, points.size, points.blur, drawn)
+    known = measured(points, shapes, refined, drawn)
+    from_photo = refined.from_image.mean(axis=1)
     outlines, sources, reasons = [], [], []
     for k, segment in enumerate(segments):
-        measured = Measured(k, bool(segment.forms), points, shapes, refined, sharp[k])
-        result = built(segment, measured)
-        share = float(refined.from_image[k].mean())
+        result = built(segment, known, k)
+        share = float(from_photo[k])
         if isinstance(result, Outline) and result.shape == "ellipse":
             share = float(refined.ellipse_from_image[k])
         elif corners == "hough" and isinstance(result, Outline):

@@ -14,18 +14,22 @@ from fronto.outlines.edges import EdgePoints
 from fronto.shapes import FloatArray
 
 __all__ = [
+    "BEFORE",
+    "NEXT",
     "Ellipses",
+    "Moved",
     "Quads",
-    "ellipse_distance",
     "ellipse_frames",
     "fit_ellipses",
-    "fit_offsets",
     "fit_quads",
     "intersections",
+    "move_sides",
 ]
 
 
-#: Of `fit_offsets`.
+#: Of a quad's four corners or sides: the one after each, and the one before.
+NEXT, BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
+#: Of `move_sides`.
 MOST_STATIONS = 64
 
 
@@ -72,19 +76,48 @@ class Ellipses(NamedTuple):
     inverse: FloatArray
 
 
+class Moved(NamedTuple):
+    """Sides of n quads, moved to what was found at their stations.
+
+    Parameters
+    ----------
+    lines
+        (n, 4, 3): as in `Quads`.
+    spread
+        (n, 4): RMS of the stations' distances, pixels; infinity without stations.
+    seen
+        (n, 4): share of the stations that the side passes.
+    near, turned
+        (n, 4): how far it is from the mask's at the middle of that, pixels and radians.
+    """
+
+    lines: FloatArray
+    spread: FloatArray
+    seen: FloatArray
+    near: FloatArray
+    turned: FloatArray
+
+
 @functools.cache
 def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     pointer = ctypes.c_void_p
     quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
-    quads.argtypes, quads.restype = [ctypes.c_int64] + [pointer] * 10, ctypes.c_int
+    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 10]
+    quads.restype = ctypes.c_int
     ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 5, ctypes.c_int
-    offsets = kernels.fronto_fit_offsets
-    offsets.argtypes, offsets.restype = [ctypes.c_int64] * 2 + [pointer] * 5, None
-    return quads, ellipses, offsets
+    sides = kernels.fronto_move_sides
+    sides.argtypes, sides.restype = [ctypes.c_int64] * 2 + [pointer] * 9, None
+    return quads, ellipses, sides
 
 
-def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None = None) -> Quads:
+def fit_quads(
+    points: EdgePoints,
+    central: FloatArray,
+    start: FloatArray | None = None,
+    *,
+    still_px: float = 1e-3,
+) -> Quads:
     """Fit a quad to the edge points of each mask, each side by its own line.
 
     Parameters
@@ -96,6 +129,8 @@ def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None 
     start
         (n, 4, 2), clockwise as seen; None finds it: whitened points of a parallelogram lie on
         a square, and where its corners are is told by the fourth harmonic of its outline.
+    still_px
+        Corners that move by less from one step to the next are good enough, pixels.
     """
     n = len(points.size)
     corners = np.full((n, 4, 2), np.nan) if start is None else np.array(start, np.float64)
@@ -110,7 +145,7 @@ def fit_quads(points: EdgePoints, central: FloatArray, start: FloatArray | None 
     )
     results = (corners, lines, covered, rms, number)
     done = _kernels()[0](
-        n, *(address(a, t) for a, t in given), *(address(a, np.float64) for a in results)
+        n, still_px, *(address(a, t) for a, t in given), *(address(a, np.float64) for a in results)
     )
     if not done:
         raise MemoryError
@@ -148,35 +183,24 @@ def fit_ellipses(
     return Ellipses(shape, rms, inverse)
 
 
-def fit_offsets(offset: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Robust lines offset = a + b t through the stations of n curves.
+def move_sides(lines: FloatArray, offset: FloatArray, t: FloatArray, masks: FloatArray) -> Moved:
+    """Move the sides of n quads to where they were found, by robust lines offset = a + b t.
 
     Parameters
     ----------
-    offset, t
-        (n, k), k up to 64; an offset of NaN is none.
-
-    Returns
-    -------
-    (n, 2) a and b; (n,) RMS of the deviations, infinity without a line; (n,) share of the
-    stations that the line passes.
+    lines, masks
+        (n, 4, 3): the sides, and those that the masks have.
+    offset
+        (n, 4, k): outwards from the stations of each side, pixels; NaN is none. k up to 64.
+    t
+        (n, k): places of the stations along the sides, from -1/2 at a corner to 1/2 at the next.
     """
-    n, k = offset.shape
+    n, _, k = offset.shape
     assert k <= MOST_STATIONS
-    line, rms, seen = np.empty((n, 2)), np.empty(n), np.empty(n)
-    arrays = (np.ascontiguousarray(offset), np.ascontiguousarray(t), line, rms, seen)
-    _kernels()[2](n, k, *(address(a, np.float64) for a in arrays))
-    return line, rms, seen
-
-
-def ellipse_distance(shape: FloatArray, xy: FloatArray) -> FloatArray:
-    """Sampson's distance (N,) of points (N, 2) from ellipses (N, 5), above 0 outside; pixels."""
-    with np.errstate(all="ignore"):
-        dx, dy = (xy - shape[:, :2]).T
-        m11, m12, m22 = shape[:, 2:].T
-        gx, gy = m11 * dx + m12 * dy, m12 * dx + m22 * dy
-        q = np.sqrt(dx * gx + dy * gy)
-        return np.asarray((q - 1) * q / np.hypot(gx, gy))
+    moved = Moved(np.empty((n, 4, 3)), *(np.empty((n, 4)) for _ in range(4)))
+    given = [np.ascontiguousarray(a, np.float64) for a in (lines, offset, t, masks)]
+    _kernels()[2](n, k, *(address(a, np.float64) for a in (*given, *moved)))
+    return moved
 
 
 def ellipse_frames(shape: FloatArray) -> FloatArray:
@@ -196,7 +220,7 @@ def ellipse_frames(shape: FloatArray) -> FloatArray:
 
 def intersections(lines: FloatArray) -> FloatArray:
     """Where each side (n, 4, 3) meets the one before it, (n, 4, 2): its first corner."""
-    before = np.roll(lines, 1, axis=1)
+    before = lines[:, BEFORE]
     with np.errstate(all="ignore"):
         scale = before[..., 0] * lines[..., 1] - before[..., 1] * lines[..., 0]
         x = (before[..., 2] * lines[..., 1] - before[..., 1] * lines[..., 2]) / scale

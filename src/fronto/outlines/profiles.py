@@ -1,32 +1,33 @@
 """Edges in the photo across outlines found from masks: where the brightness or colour steps.
 
 Along each curve (a quad's side, an ellipse) stations are placed, and the photo is sampled
-across the curve at each of them.
+across the curve at each of them: the ctypes side of ``native/outline_change.c``.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from fronto.native import address, library
 from fronto.shapes import FloatArray
 
-__all__ = ["Edges", "Stations", "common_offset", "find_edges", "sampled", "steps"]
+__all__ = ["Edges", "Stations", "common_offset", "find_edges", "sampled"]
 
-#: Samples across a curve, on either side of it.
-ACROSS = 12
-#: First look and closer look: reach across, in sizes of the button; and at least, pixels.
+#: First look and closer look: samples across a curve, on either side of it.
+ACROSS = (12, 8)
+#: Reach across, in sizes of the button; and at least, pixels.
 REACHES = ((0.13, 3.0), (0.05, 3.0))
 #: Derivative of a Gaussian whose deviation is this many samples (Canny, PAMI 8, 1986).
-BLURS = (1.5, 3.5)
-#: OpenCV's remap takes maps of less than 32768 rows.
-MOST_ROWS = 30_000
-#: Weights of neighbouring stations.
-ALONG = (0.0625, 0.25, 0.375, 0.25, 0.0625)
+BLURS = (1.5, 2.33)
+#: Weights of neighbouring stations: they see the same edge, with other noise.
+ALONG = np.array([0.0625, 0.25, 0.375, 0.25, 0.0625], np.float32)
 #: A station's edge is found within this share of the reach around its curve's edge.
-NEAR = 0.35
+NEAR = 0.375
 #: Neighbouring stations have noise in common: this many are one.
 TOGETHER = 3.5
 #: It counts if it is this strong, compared with the curve's.
@@ -76,68 +77,103 @@ class Edges(NamedTuple):
     sure: FloatArray
 
 
-def steps(
-    image: npt.NDArray[Any], stations: Stations, reach: FloatArray, blur: float
-) -> FloatArray:
-    """How fast the photo changes across the curves.
+class _Lines(NamedTuple):
+    """The photo across c curves, at k stations of each.
 
     Parameters
     ----------
-    image
-        (h, w, channels) uint8.
-    reach
-        (c,): how far to look on either side, pixels.
-    blur
-        Deviation of the derivative's Gaussian, samples.
-
-    Returns
-    -------
-    (c, k, 2 ACROSS + 1, channels), grey levels a sample.
+    values
+        (c, k, samples, channels), float32.
+    kernel
+        Derivative of a Gaussian, over the samples: what the photo's changes are found with.
+    signed
+        As `Stations` has it.
     """
-    import cv2
 
+    values: npt.NDArray[np.float32]
+    kernel: npt.NDArray[np.float32]
+    signed: bool
+
+    @property
+    def places(self) -> int:
+        """How many samples have a change: as many on either side of the curve."""
+        return int(self.values.shape[2]) - len(self.kernel) + 1
+
+    def given(self) -> tuple[int, ...]:
+        """The first ten arguments of the kernels."""
+        return (
+            *self.values.shape,
+            address(self.values, np.float32),
+            len(self.kernel),
+            address(self.kernel, np.float32),
+            len(ALONG) // 2,
+            address(ALONG, np.float32),
+            int(not self.signed),
+        )
+
+
+def _lines(image: npt.NDArray[Any], stations: Stations, reach: FloatArray, look: int) -> _Lines:
+    """Sample the photo (h, w, channels), uint8, as far as `reach` (c,), pixels, on either side."""
+    blur = BLURS[look]
+    curves, count = stations.xy.shape[:2]
+    image = np.ascontiguousarray(image)
     extra = int(np.ceil(2.5 * blur))
-    samples = np.arange(-ACROSS - extra, ACROSS + extra + 1) / ACROSS
-    offsets = samples * reach[:, None]
-    places = (
-        stations.xy[:, :, None] + offsets[:, None, :, None] * stations.normal[:, :, None]
-    ).astype(np.float32)
-    curves, count, across = places.shape[:3]
-    channels = image.shape[2]
-    values = sampled(image, places.reshape(curves * count, across, 2))
-    values = values.reshape(curves, count, across, channels)
-    # Neighbouring stations see the same edge, with other noise; not those of other curves.
-    aside = len(ALONG) // 2
-    at = np.arange(-aside, count + aside)
-    at = np.clip(at, 0, count - 1) if stations.signed else at % count
     t = np.arange(-extra, extra + 1, dtype=np.float64)
     kernel = t * np.exp(-0.5 * (t / blur) ** 2)
-    kernel = kernel / (t * kernel).sum()
-    rows = values[:, at].reshape(-1, across, channels)
-    change = cv2.sepFilter2D(rows, cv2.CV_32F, kernel, np.array(ALONG))
-    change = change.reshape(curves, count + 2 * aside, across, channels)
-    return np.asarray(change[:, aside:-aside, extra:-extra])
+    kernel /= (t * kernel).sum()
+    across = 2 * (ACROSS[look] + extra) + 1
+    values = np.empty((curves, count, across, image.shape[2]), np.float32)
+    where = [np.ascontiguousarray(a, np.float64) for a in (stations.xy, stations.normal, reach)]
+    _kernels().fronto_lines(
+        address(image, np.uint8),
+        *image.shape,
+        curves,
+        count,
+        *(address(a, np.float64) for a in where),
+        across,
+        extra,
+        address(values, np.float32),
+    )
+    return _Lines(values, kernel.astype(np.float32), stations.signed)
 
 
-def sampled(image: npt.NDArray[Any], places: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """The photo at places (n, k, 2), pixels; shape (n, k, channels).
+def sampled(image: npt.NDArray[Any], places: FloatArray) -> npt.NDArray[np.float32]:
+    """The photo (h, w, channels), uint8, at places (..., 2), pixels; shape (..., channels).
 
     Between pixels it is interpolated linearly; beyond the border its edge pixels go on.
     """
-    import cv2
+    image = np.ascontiguousarray(image)
+    places = np.ascontiguousarray(places, np.float64)
+    values = np.empty((*places.shape[:-1], image.shape[2]), np.float32)
+    _kernels().fronto_sample(
+        address(image, np.uint8),
+        *image.shape,
+        places.size // 2,
+        address(places, np.float64),
+        address(values, np.float32),
+    )
+    return values
 
-    x, y = np.ascontiguousarray(places.transpose(2, 0, 1))
-    parts = [
-        cv2.remap(
-            image,
-            x[k : k + MOST_ROWS],
-            y[k : k + MOST_ROWS],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        for k in range(0, len(x), MOST_ROWS)
-    ]
-    return np.concatenate(parts).reshape(*places.shape[:2], -1).astype(np.float32)
+
+@functools.cache
+def _kernels() -> Any:
+    kernels = library()
+    size, pointer = ctypes.c_int64, ctypes.c_void_p
+    photo: list[Any] = [pointer, size, size, size]
+    kernels.fronto_sample.argtypes = [*photo, size, pointer, pointer]
+    kernels.fronto_sample.restype = None
+    kernels.fronto_lines.argtypes = [
+        *photo, size, size, pointer, pointer, pointer, size, size, pointer
+    ]  # fmt: skip
+    kernels.fronto_lines.restype = None
+    lines: list[Any] = [*[size] * 4, pointer, size, pointer, size, pointer, ctypes.c_int]
+    kernels.fronto_strengths.argtypes = [*lines, pointer]
+    kernels.fronto_strengths.restype = ctypes.c_int
+    kernels.fronto_station_edges.argtypes = [
+        *lines, pointer, pointer, size, ctypes.c_double, pointer, pointer, pointer
+    ]  # fmt: skip
+    kernels.fronto_station_edges.restype = ctypes.c_int
+    return kernels
 
 
 def common_offset(strength: FloatArray, off: FloatArray) -> float:
@@ -175,8 +211,8 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
         0: the curves are from masks; 1: they were found here before.
     """
     reach = _reach(stations.size, look)
-    change = steps(image, stations, reach, BLURS[look])
-    strength = _strength(change, stations.signed)
+    lines = _lines(image, stations, reach, look)
+    strength = _strengths(lines)
     place = np.linspace(-1, 1, strength.shape[1])
     if look == 0:
         common = common_offset(strength, stations.off / reach)
@@ -187,47 +223,45 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
     rows = np.arange(len(strength))
     peak = wanted.argmax(axis=1)
     # Uphill from there to the edge itself: the wish for the common place moves its flank.
-    for _ in range(ACROSS // 3):
+    for _ in range(ACROSS[look] // 3):
         left, right = np.maximum(peak - 1, 0), np.minimum(peak + 1, len(place) - 1)
         around = np.stack([strength[rows, left], strength[rows, peak], strength[rows, right]])
         peak = np.clip(peak + around.argmax(axis=0) - 1, 0, len(place) - 1)
     found = strength[rows, peak]
     step = found / np.maximum(np.median(strength, axis=1), 1e-3)
-    height = _heights(change, peak, stations.signed)
-    offset = _station_edges(height, peak, found)
-    at_peak = height[rows, :, peak]
-    spread = at_peak.std(axis=1) / np.sqrt(at_peak.shape[1] / TOGETHER)
-    sure = at_peak.mean(axis=1) / np.maximum(spread, 1e-6)
-    return Edges(offset * reach[:, None], np.where(found > 0.5, step, 0.0), sure)
+    at, mean, deviation = _station_edges(lines, peak, found)
+    offset = (at / ACROSS[look] - 1) * reach[:, None]
+    sure = mean / np.maximum(deviation / np.sqrt(stations.xy.shape[1] / TOGETHER), 1e-6)
+    return Edges(offset, np.where(found > 0.5, step, 0.0), sure)
 
 
-def _strength(change: FloatArray, signed: bool) -> FloatArray:
-    """(c, m): mean change over a curve's stations, all channels."""
-    if signed:
-        return np.asarray(np.linalg.norm(change.mean(axis=1), axis=2))
-    return np.asarray(np.linalg.norm(change, axis=3).mean(axis=1))
+def _strengths(lines: _Lines) -> FloatArray:
+    """(c, places): how fast the photo changes along each whole curve, grey levels a sample."""
+    strength = np.empty((len(lines.values), lines.places))
+    if not _kernels().fronto_strengths(*lines.given(), address(strength, np.float64)):
+        raise MemoryError
+    return strength
 
 
-def _heights(change: FloatArray, peak: npt.NDArray[np.intp], signed: bool) -> FloatArray:
-    """(c, k, m): change along the curve's own step in colour; unsigned: of any colour."""
-    if not signed:
-        return np.asarray(np.linalg.norm(change, axis=3))
-    direction = change.mean(axis=1)[np.arange(len(change)), peak]
-    length = np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-6)
-    return np.asarray(np.einsum("ckmi,ci->ckm", change, direction / length))
+def _station_edges(
+    lines: _Lines, peak: npt.NDArray[np.intp], found: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(c, k) place of each station's edge among those across, NaN where it shows none.
 
-
-def _station_edges(height: FloatArray, peak: npt.NDArray[np.intp], found: FloatArray) -> FloatArray:
-    """(c, k) place of each station's edge, in reaches; NaN where it shows none."""
-    curves, count, across = height.shape
-    near = np.abs(np.arange(across) - peak[:, None]) <= NEAR * ACROSS
-    masked = np.where(near[:, None], height, -np.inf)
-    at = np.clip(masked.argmax(axis=2), 1, across - 2)
-    i, j = np.arange(curves)[:, None], np.arange(count)[None]
-    low, middle, high = height[i, j, at - 1], height[i, j, at], height[i, j, at + 1]
-    bend = low - 2 * middle + high
-    with np.errstate(all="ignore"):
-        shift = 0.5 * (low - high) / bend
-    # A peak at the window's end is a flank of something else.
-    good = (bend < 0) & (np.abs(shift) <= 1) & (middle >= LEAST_STEP * found[:, None])
-    return np.where(good, (at + shift - (across - 1) / 2) / ACROSS, np.nan)
+    And (c,) mean and deviation of the stations' steps at the curve's peak: along the curve's own
+    step in colour; unsigned: of any colour.
+    """
+    curves, count = lines.values.shape[:2]
+    peak, found = peak.astype(np.int64), np.ascontiguousarray(found, np.float64)
+    place, mean, deviation = np.empty((curves, count)), np.empty(curves), np.empty(curves)
+    done = _kernels().fronto_station_edges(
+        *lines.given(),
+        address(peak, np.int64),
+        address(found, np.float64),
+        int(NEAR * (lines.places // 2)),
+        LEAST_STEP,
+        *(address(a, np.float64) for a in (place, mean, deviation)),
+    )
+    if not done:
+        raise MemoryError
+    return place, mean, deviation

@@ -77,10 +77,7 @@ def roundness(
     if not usable.any():
         return result
     places, shift = places[usable], shift[usable]
-    across_it = np.stack([places + shift, places - shift]).astype(np.float32)
-    outside, inside = sampled(image, across_it.reshape(-1, RAYS, 2)).reshape(
-        *across_it.shape[:-1], -1
-    )
+    outside, inside = sampled(image, np.stack([places + shift, places - shift]))
     step = outside - inside
     sectors = step.reshape(*step.shape[:3], SECTORS, RAYS // SECTORS, -1).mean(axis=4)
     strength = np.linalg.norm(sectors, axis=-1).mean(axis=-1).max(axis=2) + FAINT

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.outlines.fits import (
+    NEXT,
     Ellipses,
     Quads,
     ellipse_frames,
     fit_ellipses,
-    fit_offsets,
     intersections,
+    move_sides,
 )
 from fronto.outlines.kinds import Shapes
 from fronto.outlines.profiles import Stations, find_edges
@@ -30,7 +31,10 @@ SEEN, STRAIGHT_PX = 0.5, 0.5
 LEAST_STEP, LEAST_ROUND_STEP, LEAST_SURE = 1.3, 1.5, 8.0
 #: How far the mask's edge may be off: in pixels, in blurs of its edge, and in sizes; a
 #: deviation. The photo's edge may lie this many of it away; and turned against it, degrees.
-OFF_PX, OFF_BLUR, OFF_SHARE, AWAY, TURNED_DEG = 0.3, 0.2, 0.004, 2.5, 6.0
+OFF_PX, OFF_BLUR, OFF_SHARE, AWAY = 0.3, 0.2, 0.004, 2.5
+TURNED_RAD = np.radians(6.0)
+#: Drawn masks of smaller quads tell their place and size better than the photo's edges.
+SMALL_PX = 40.0
 #: Smaller buttons have too few pixels for an edge of their own.
 LEAST_SIZE_PX = 6.0
 
@@ -64,9 +68,16 @@ class Refined:
 
 
 def refine(
-    image: npt.NDArray[Any] | None, shapes: Shapes, size: FloatArray, blur: FloatArray
+    image: npt.NDArray[Any] | None,
+    shapes: Shapes,
+    size: FloatArray,
+    blur: FloatArray,
+    drawn: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
     """Move the outlines to the photo's edges where these agree with the masks.
+
+    Small quads that a mask head has drawn take only their form from there: where they are, and
+    how large, it knows better (measured, see docs/outlines.md).
 
     Parameters
     ----------
@@ -78,6 +89,8 @@ def refine(
         (n,): square root of each mask's area, pixels.
     blur
         (n,): pixels over which each mask's edge goes from 0 to 1.
+    drawn
+        (n,): whether a mask head has drawn it; None: no mask.
     """
     off = OFF_PX + OFF_BLUR * blur + OFF_SHARE * size
     quads, ellipses = shapes.quads, shapes.ellipses
@@ -93,6 +106,9 @@ def refine(
         if len(rows):
             found = _sides(image, quads, shapes.radius, size, off, rows)
             lines[rows], rms[rows], from_image[rows] = found
+        if drawn is not None:
+            small = from_image.all(axis=1) & drawn & (size < SMALL_PX)
+            lines[small] = _in_place(lines[small], quads.lines[small])
         rows = np.flatnonzero((kinds == "ellipse") & large & np.isfinite(shape).all(axis=1))
         if len(rows):
             shape[rows], ellipse_rms[rows], round_from_image[rows] = _ellipses(
@@ -113,39 +129,52 @@ def _sides(
     masks = quads.lines[rows]
     lines, rms = masks, quads.rms[rows]
     share = np.minimum(MOST_SHARE, 1 - radius[rows])
+    straight = np.maximum(STRAIGHT_PX, 0.012 * size[rows])[:, None]
+    corners = intersections(masks)
     good = own
     for look in (0, 1):
-        stations, t, length = _side_stations(intersections(lines), share, size[rows], off[rows])
+        stations, t = _side_stations(intersections(lines), share, size[rows], off[rows])
         edges = find_edges(image, stations, look)
-        places = np.repeat(t, 4, axis=0)
-        fits = fit_offsets(edges.offset.astype(np.float64), places)
-        fitted, spread, seen = (f.reshape(len(rows), 4, *f.shape[1:]) for f in fits)
-        step, sure = (e.reshape(len(rows), 4) for e in (edges.step, edges.sure))
-        moved = _moved(lines, intersections(lines), fitted, length)
-        near, turned = _compared(moved, masks, intersections(masks))
+        moved = move_sides(lines, edges.offset.reshape(*own.shape, -1), t, masks)
         good = (
             good
-            & (seen >= SEEN)
-            & (spread <= np.maximum(STRAIGHT_PX, 0.012 * size[rows])[:, None])
-            & (step >= LEAST_STEP)
-            & (sure >= LEAST_SURE)
-            & (near <= AWAY * off[rows, None])
-            & (turned <= TURNED_DEG)
+            & (moved.seen >= SEEN)
+            & (moved.spread <= straight)
+            & (edges.step.reshape(own.shape) >= LEAST_STEP)
+            & (edges.sure.reshape(own.shape) >= LEAST_SURE)
+            & (moved.near <= AWAY * off[rows, None])
+            & (moved.turned <= TURNED_RAD)
         )
         # Sides that meet nowhere near are none of one quad.
-        lines = np.where(good[..., None], moved, masks)
-        far = np.abs(intersections(lines) - intersections(masks)).max(axis=(1, 2))
+        lines = np.where(good[..., None], moved.lines, masks)
+        far = np.abs(intersections(lines) - corners).max(axis=(1, 2))
         good &= (far <= size[rows])[:, None]
-        lines = np.where(good[..., None], moved, masks)
-        rms = np.where(good, spread, quads.rms[rows])
+        lines = np.where(good[..., None], moved.lines, masks)
+        rms = np.where(good, moved.spread, quads.rms[rows])
     return lines, rms, good
+
+
+def _in_place(lines: FloatArray, masks: FloatArray) -> FloatArray:
+    """Quads (n, 4, 3), moved and resized to have the middle and the area of others."""
+    ours, theirs = intersections(lines), intersections(masks)
+    factor = np.sqrt(_areas(theirs) / _areas(ours))[:, None]
+    normal, middle = lines[..., :2], ours.mean(axis=1, keepdims=True)
+    away = lines[..., 2] - (normal * middle).sum(axis=2)
+    place = (normal * theirs.mean(axis=1, keepdims=True)).sum(axis=2)
+    return np.concatenate([normal, (factor * away + place)[..., None]], axis=2)
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    """Areas (n,) of quads (n, 4, 2)."""
+    first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    return np.asarray(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2)
 
 
 def _side_stations(
     corners: FloatArray, share: FloatArray, size: FloatArray, off: FloatArray
-) -> tuple[Stations, FloatArray, FloatArray]:
-    """Stations on all sides; their places from -1/2 to 1/2 (n, k); the sides' lengths (n, 4)."""
-    along = np.roll(corners, -1, axis=1) - corners
+) -> tuple[Stations, FloatArray]:
+    """Stations on all sides; and their places along each, from -1/2 to 1/2, (n, k)."""
+    along = corners[:, NEXT] - corners
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
     tangent = along / length[..., None]
     normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
@@ -157,30 +186,7 @@ def _side_stations(
     stations = Stations(
         xy.reshape(4 * n, ON_SIDE, 2), normals, np.repeat(size, 4), np.repeat(off, 4), signed=True
     )
-    return stations, place, length
-
-
-def _moved(
-    lines: FloatArray, corners: FloatArray, fitted: FloatArray, length: FloatArray
-) -> FloatArray:
-    """The lines, moved by a + b t along their normals."""
-    along = np.roll(corners, -1, axis=1) - corners
-    middle = corners + along / 2
-    start = middle + fitted[..., :1] * lines[..., :2]
-    direction = along + fitted[..., 1:] * lines[..., :2]
-    normal = np.stack([direction[..., 1], -direction[..., 0]], axis=2)
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-9)
-    return np.concatenate([normal, (normal * start).sum(axis=2, keepdims=True)], axis=2)
-
-
-def _compared(
-    moved: FloatArray, masks: FloatArray, corners: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Distance at the sides' middles (n, 4), pixels, and angle, degrees, from the masks' lines."""
-    middle = (corners + np.roll(corners, -1, axis=1)) / 2
-    near = np.abs((moved[..., :2] * middle).sum(axis=2) - moved[..., 2])
-    cross = moved[..., 0] * masks[..., 1] - moved[..., 1] * masks[..., 0]
-    return near, np.degrees(np.abs(np.arcsin(np.clip(cross, -1, 1))))
+    return stations, place
 
 
 def _ellipses(

@@ -19,6 +19,9 @@ __all__ = ["Wardrobe", "draw_element", "draw_surroundings", "lifted"]
 BLACK: Color = (10.0, 10.0, 12.0)
 #: Of rings around key switches.
 RING_WORDS = ("ON", "OFF", "RUN", "STOP", "FAN", "LIGHT", "FIRE", "HOLD", "AUTO", "LOCK")
+#: Buttons that are wider than this many heights may have a lamp; it lies within this share of them
+#: at one end, the label in the rest, and is at most this share of them wide.
+WIDE, LAMP_END, LAMP_WIDTH = 1.25, 0.35, 0.18
 #: Letters of a bare label are padded by this share of their height.
 PADDING = 0.15
 #: Larger patches would cost seconds; such buttons fill the photo many times over.
@@ -210,7 +213,8 @@ def draw_element(
         mask, words = label_mask(label, look.font)
         share = style.label_share if style else (0.62 if words else 0.6)
         inside = 1 - 2 * (style.collar if style else 0)
-        room = (inside * form.width, inside * form.height)
+        beside = 1 - LAMP_END if style and _has_lamp(style, form) else 1.0
+        room = (inside * beside * form.width, inside * form.height)
         size = _label_size(mask, words, share, look.stretch, room)
     if plate:
         form = _fitted(form, wardrobe.plate, size)
@@ -236,6 +240,8 @@ def draw_element(
         _draw_slot(canvas, element, rng)
     elif drawn:
         _draw_label(canvas, element, look, size)
+    if style and _has_lamp(style, element.form) and element.style != KEY_STYLE:
+        _draw_lamp(canvas, element, style)
     if element.braille:
         _draw_braille(canvas, element, wardrobe.braille, rng)
     return element
@@ -357,6 +363,8 @@ def _draw_label(
     if element.braille:
         y -= 0.06 * element.form.height
     if isinstance(look, ButtonStyle):
+        if _has_lamp(look, element.form):
+            x -= (1 if look.lamp_right else -1) * LAMP_END / 2 * element.form.width
         if element.lit and look.lit_part == "face":
             ink = (40.0, 30.0, 30.0) if sum(look.light) > 400 else (255.0, 250.0, 245.0)
         elif element.lit and look.lit_part == "symbol":
@@ -365,6 +373,28 @@ def _draw_label(
             lip = 0.03 * min(element.form.width, element.form.height)
             canvas.ink(mask, x + lip / 2, y + lip, size, (255.0, 255.0, 255.0), 0.4)
     canvas.ink(mask, x, y, size, ink, 0.95)
+
+
+def _has_lamp(style: ButtonStyle, form: Form) -> bool:
+    return style.lamp > 0 and form.width > WIDE * form.height
+
+
+def _draw_lamp(canvas: Canvas, element: Element, style: ButtonStyle) -> None:
+    """A small lamp, round or not, at one end of a wide button."""
+    form, inside = element.form, 1 - 2 * style.collar
+    # It lies on the face, of round ends, too.
+    most = LAMP_WIDTH * inside * form.width
+    size = min(style.lamp * inside * form.height, most)
+    side = 1 if style.lamp_right else -1
+    x = element.x + side * (0.5 - LAMP_END / 2) * inside * form.width
+    color = style.light if element.lit else style.collar_color
+    if style.font % 2:
+        canvas.disc(x, element.y, size / 2, color)
+        canvas.disc(x, element.y, size / 2, BLACK, 0.15 * size)
+    else:
+        wide = min(1.6 * size, most)
+        canvas.box(x, element.y, wide, size, BLACK)
+        canvas.box(x, element.y, 0.8 * wide, 0.75 * size, color)
 
 
 def _draw_slot(canvas: Canvas, element: Element, rng: np.random.Generator) -> None:

@@ -161,14 +161,15 @@ def _screws(sheet: Sheet, box: tuple[float, float, float, float]) -> None:
             sheet.fixtures.append(Fixture("screw", x, y, size, size))
 
 
-def random_plan(rng: np.random.Generator, *, twins: bool = False) -> Plan:
+def random_plan(rng: np.random.Generator, *, twins: bool = False, pills: float = 0.1) -> Plan:
     """Draw a panel around x = 0; its buttons are 12 to 60 mm in size.
 
-    With `twins` its labels are on plates that look like the buttons beside them.
+    With `twins` its labels are on plates that look like the buttons beside them; else a share of
+    all panels, `pills`, have dark pills that hold each button together with its label.
     """
     sheet = Sheet(rng, unit=log_uniform(rng, 14, 45), twins=twins)
     sheet.lit = pick(rng, (0.0, 0.08, rng.uniform(0.2, 0.7), 1.0), (4, 4, 1, 0.7))
-    sheet.pills = chance(rng, 0.1) and not twins
+    sheet.pills = chance(rng, pills) and not twins
     kind = pick(rng, ("hall", "car", "keypad"), (4, 7, 1.2))
     bands: list[Callable[[Sheet], None]]
     if kind == "hall":

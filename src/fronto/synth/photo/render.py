@@ -30,6 +30,8 @@ __all__ = ["PanelPhoto", "render_photo"]
 
 #: Canvas pixels a photo pixel, and the most that a canvas may have.
 OVERSAMPLING, MAX_CANVAS_PX = 1.35, 1.3e6
+#: About the colour of pills.
+DARK = (18.0, 18.0, 18.0)
 #: Least width and height of a photo, pixels.
 MIN_PHOTO_PX = 32
 
@@ -65,6 +67,7 @@ def render_photo(
     camera: Camera | None = None,
     twins: bool = False,
     relief: bool = False,
+    pills: float = 0.1,
 ) -> PanelPhoto:
     """Draw a random panel, its surroundings and a view of it.
 
@@ -81,7 +84,10 @@ def render_photo(
         taken for buttons.
     relief
         Whether buttons may stand out of the panel, or lie in holes: from the side one sees their
-        flanks, too. Outlines are those of the faces.
+        flanks, too. Outlines are those of the faces. Wide ones may have a lamp.
+    pills
+        Share of the panels whose buttons and labels may share dark pills, 0 to 1; in relief those
+        buttons may be as dark.
 
     Raises
     ------
@@ -108,11 +114,11 @@ def render_photo(
             f"expected a lens without distortion, got {camera.distortion_model}",
             "leave the distortion out",
         )
-    plan = random_plan(rng, twins=twins)
+    plan = random_plan(rng, twins=twins, pills=pills)
     view = sample_view(rng, plan, camera)
     material = panel_material(rng)
     plans = (plan, *_company(rng, plan))
-    wardrobe = _wardrobe(rng, material, plans, twins)
+    wardrobe = _wardrobe(rng, material, plans, twins, relief)
     if relief:
         wardrobe = _with_depth(rng, wardrobe, view)
     canvas, elements = draw_plans(rng, plans, view, material, wardrobe)
@@ -163,7 +169,11 @@ def _company(rng: np.random.Generator, plan: Plan) -> list[Plan]:
 
 
 def _wardrobe(
-    rng: np.random.Generator, material: Material, plans: tuple[Plan, ...], twins: bool
+    rng: np.random.Generator,
+    material: Material,
+    plans: tuple[Plan, ...],
+    twins: bool,
+    relief: bool,
 ) -> Wardrobe:
     """Draw the styles of the buttons and plates on panels of a material."""
     turn = rng.uniform(0, 2 * np.pi) if chance(rng, 0.3) else rng.uniform(-2.6, -0.5)
@@ -180,10 +190,13 @@ def _wardrobe(
         ink=(240.0, 240.0, 240.0), label_share=0.25, face_relief=0.3,
     )  # fmt: skip
     plate = plate_style(rng, material.color, twins=twins)
+    ground = material.color
     if any(fixture.kind == "pill" for plan in plans for fixture in plan.fixtures):
+        # Those buttons lie on the pills, and may be as dark.
+        ground = DARK if relief else ground
         plate = replace(plate, color=None, ink=tint(rng, (235, 235, 232), 15))
     return Wardrobe(
-        buttons=(button_style(rng, material.color), button_style(rng, material.color)),
+        buttons=(button_style(rng, ground), button_style(rng, ground)),
         key=key,
         mushroom=mushroom,
         plate=plate,
@@ -197,10 +210,22 @@ def _with_depth(rng: np.random.Generator, wardrobe: Wardrobe, view: View) -> War
     x, y, distance = 1000 * view.translation
     return replace(
         wardrobe,
-        buttons=tuple(in_relief(rng, style) for style in wardrobe.buttons),
+        buttons=tuple(_with_lamp(rng, in_relief(rng, style)) for style in wardrobe.buttons),
         key=_with_ring(rng, in_relief(rng, wardrobe.key, 0.0)),
         mushroom=replace(wardrobe.mushroom, height=rng.uniform(0.1, 0.7), wall=0.6),
         eye=(-float(x), -float(y), float(distance)),
+    )
+
+
+def _with_lamp(rng: np.random.Generator, style: ButtonStyle) -> ButtonStyle:
+    """Some wide buttons have a lamp beside the label."""
+    if not chance(rng, 0.3):
+        return style
+    return replace(
+        style,
+        lamp=rng.uniform(0.15, 0.45),
+        lamp_right=chance(rng, 0.7),
+        label_share=min(style.label_share, 0.5),
     )
 
 

@@ -89,6 +89,11 @@ class ButtonStyle:
     label_ring
         Width of a ring around it that words are printed on (0 = none), in `line_color`: it is
         no part of the button.
+    lamp
+        Height of a small lamp on buttons that are wider than high, beside the label (0 = none);
+        it is in `collar_color`.
+    lamp_right
+        Whether it is at the right end.
     """
 
     gap: float = 0.0
@@ -116,6 +121,8 @@ class ButtonStyle:
     wall: float = 0.6
     hole: float = 0.0
     label_ring: float = 0.0
+    lamp: float = 0.0
+    lamp_right: bool = True
 
 
 #: White and flat: every edge is an outline.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -14,9 +15,12 @@ from fronto.datasets.records import LabeledImage
 from fronto.engine import Engine
 from fronto.errors import InputError
 from fronto.evaluate.regions import box_overlaps
+from fronto.finds import Find
 from fronto.maskhead import FORMS, SIDE, Region, describe, region
+from fronto.scales import View, first_looks
 from fronto.segmentation import finds_in
 from fronto.shapes import FloatArray
+from fronto.synth.photo.truth import PhotoObject
 from fronto.train.masks.pool import Pool
 
 __all__ = ["Shown", "collect", "labelled", "rendered", "true_mask"]
@@ -31,8 +35,16 @@ IS, SEEN = 0.5, 0.85
 #: Or the one thing that lies in its box by this share, if it is not smaller than that: a network
 #: may take a button together with what surrounds it.
 INSIDE, LEAST = 0.9, 0.12
-#: Another one lies there, too, by this share.
+#: Another one of its kind lies there, too, by this share.
 TOO = 0.4
+#: Share of the panels without twins whose buttons and labels share pills.
+PILLS = 0.2
+#: Networks that learned from photos labelled so take a button and the label beside it for one
+#: thing: in this share of the pictures, each button is given to the head in a box around both.
+UNITS = 0.5
+#: How sure of such a unit the rough mask is, how far it reaches beyond both in shares of its
+#: shorter side, and how blurred it is, network pixels.
+SURE, BEYOND, BLUR_PX = 0.95, 0.04, 1.5
 #: Patches show a little more or less than the find's box, and not quite its middle: boxes err.
 #: Deviations of their logarithmic size and of their place in sides, and how many at most.
 ZOOM, SHIFT, MOST = 0.1, 0.04, 2.5
@@ -60,6 +72,8 @@ class Shown:
         Index into `fronto.maskhead.FORMS` of each; `Pool.UNKNOWN` where nobody knows.
     learned
         Whether each is seen well enough to learn from.
+    units
+        Indices of a button and of the plate beside it that says what it is for.
     """
 
     image: npt.NDArray[np.uint8]
@@ -67,6 +81,7 @@ class Shown:
     plates: Sequence[bool]
     forms: Sequence[int]
     learned: Sequence[bool]
+    units: Sequence[tuple[int, int]] = ()
 
 
 def rendered(twins: float, relief: float) -> Callable[[np.random.Generator], Shown]:
@@ -89,6 +104,7 @@ def rendered(twins: float, relief: float) -> Callable[[np.random.Generator], Sho
             height,
             twins=bool(rng.random() < twins),
             relief=bool(rng.random() < relief),
+            pills=PILLS,
         )
         return Shown(
             photo.image,
@@ -96,9 +112,19 @@ def rendered(twins: float, relief: float) -> Callable[[np.random.Generator], Sho
             [o.category == PLATE for o in photo.objects],
             [FORMS.index("odd" if o.outline.odd else o.outline.shape) for o in photo.objects],
             [o.visible >= SEEN for o in photo.objects],
+            _units(photo.objects),
         )
 
     return draw
+
+
+def _units(objects: Sequence[PhotoObject]) -> list[tuple[int, int]]:
+    """Buttons and the plates beside them: drawn one after the other, with the same text."""
+    return [
+        (k, k + 1)
+        for k, (first, second) in enumerate(pairwise(objects))
+        if first.category != PLATE == second.category and first.text == second.text
+    ]
 
 
 def labelled(images: Sequence[LabeledImage]) -> Callable[[np.random.Generator], Shown]:
@@ -173,7 +199,9 @@ def _pool(engine: Engine, shown: Shown, rng: np.random.Generator) -> Pool | None
     finds, _ = finds_in(engine, shown.image, LEAST_CONFIDENCE, second_look=bool(rng.random() < 0.5))
     if not finds or not shown.outlines:
         return None
-    best = _matches([f.box for f in finds], shown.outlines)
+    if shown.units and rng.random() < UNITS:
+        finds = _with_units(finds, shown)
+    best = _matches(finds, shown)
     learned = [
         k
         for k, find in enumerate(finds)
@@ -188,16 +216,52 @@ def _pool(engine: Engine, shown: Shown, rng: np.random.Generator) -> Pool | None
     return Pool(patches.photo[learned], patches.rough[learned], np.stack(masks), forms)
 
 
-def _matches(boxes: Sequence[FloatArray], outlines: Sequence[FloatArray]) -> npt.NDArray[np.intp]:
-    """Which outline each box (4,) is of, (n,); -1 for none."""
-    outlined = [(*p.min(axis=0).tolist(), *p.max(axis=0).tolist()) for p in outlines]
-    iou = box_overlaps([tuple(box.tolist()) for box in boxes], outlined).iou
-    inside = box_overlaps(outlined, [tuple(box.tolist()) for box in boxes]).share.T
+def _with_units(finds: Sequence[Find], shown: Shown) -> list[Find]:
+    """Boxes around buttons and their labels instead of what was found there."""
+    boxes = [
+        np.concatenate([both.min(axis=0), both.max(axis=0)])
+        for both in (np.concatenate([shown.outlines[k] for k in pair]) for pair in shown.units)
+    ]
+    like = next((f for f in finds if not f.instance.plate), None)
+    if like is None:
+        return list(finds)
+    view = first_looks(shown.image)[0]
+    rough = _rough_units(view, shown)
+    units = [replace(like, box=box, view=view, mask=rough, cut=False) for box in boxes]
+    inside = box_overlaps(
+        [tuple(f.box.tolist()) for f in finds], [tuple(b.tolist()) for b in boxes]
+    )
+    others = np.all(inside.share < 0.5, axis=1).tolist()
+    return [*units, *(find for find, other in zip(finds, others, strict=True) if other)]
+
+
+def _rough_units(view: View, shown: Shown) -> npt.NDArray[np.float32]:
+    """What a network may say of each pixel of its picture that takes units for buttons."""
+    rough = np.zeros((view.rows, view.columns), np.float32)
+    for pair in shown.units:
+        both = view.to_network(np.concatenate([shown.outlines[k] for k in pair]))
+        hull = cv2.convexHull(both.astype(np.float32))[:, 0]
+        wider = hull + BEYOND * np.sign(hull - hull.mean(axis=0)) * np.ptp(hull, axis=0).min()
+        points = np.rint(np.clip(wider, -FARTHEST, FARTHEST) * 2**BITS).astype(np.int32)
+        cv2.fillPoly(rough, [points], (SURE,), shift=BITS)
+    return np.asarray(cv2.GaussianBlur(rough, (0, 0), BLUR_PX), np.float32)
+
+
+def _matches(finds: Sequence[Find], shown: Shown) -> npt.NDArray[np.intp]:
+    """Which outline each find is of, (n,); -1 for none."""
+    boxes = [tuple(find.box.tolist()) for find in finds]
+    outlined = [(*p.min(axis=0).tolist(), *p.max(axis=0).tolist()) for p in shown.outlines]
+    iou = box_overlaps(boxes, outlined).iou
+    inside = box_overlaps(outlined, boxes).share.T
     best = np.where(iou.max(axis=1) >= IS, iou.argmax(axis=1), -1)
+    # A label in a button's box is no second button, and the other way round.
+    plates = np.array([find.instance.plate for find in finds])
+    inside = np.where(plates[:, None] == np.asarray(shown.plates), inside, 0.0)
     alone = ((inside >= TOO).sum(axis=1) == 1) & (inside.max(axis=1) >= INSIDE)
     within = inside.argmax(axis=1)
     large = iou[np.arange(len(boxes)), within] >= LEAST
-    return np.where((best < 0) & alone & large, within, best)
+    wrong = (best < 0) | (np.asarray(shown.plates)[best] != plates)
+    return np.where(wrong & alone & large, within, best)
 
 
 def _off(box: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -22,7 +22,9 @@ IN_ONE = 250
 #: Share of each file that is not learned from.
 HELD_OUT = 0.03
 #: Options that decide which patches are collected.
-COLLECTED = ("photos", "renders", "twins", "relief", "seed")
+COLLECTED = ("photos", "renders", "twins", "relief", "seed", "patches")
+#: Which patches these make: another number for other ones.
+PATCHES = 2
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def train_masks(
         found = load_masks(run / "last.pt").options
         same_network(run / "last.pt", asdict(found), asdict(options.network))
     values = {"fronto": __version__, "photos": len(outlined), "weights": engine.digest}
+    values["patches"] = PATCHES
     values |= asdict(options)
     check_run(run, values, ("weights", *COLLECTED))
     run.mkdir(parents=True, exist_ok=True)
