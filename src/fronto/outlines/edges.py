@@ -1,4 +1,7 @@
-"""From masks to the points where their edges run, finer than pixels."""
+"""From masks to the points where their edges run, finer than pixels.
+
+The ctypes side of ``native/outline_edges.c``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Quads and ellipses through edge points: the ctypes side of ``native/outline_fit.c``."""
+"""Quads and ellipses through edge points.
+
+The ctypes side of ``native/outline_fit.c`` and ``native/outline_ellipse.c``.
+"""
 
 from __future__ import annotations
 
