@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from fronto.categories import PLATE
 from fronto.finds import REACH, Find, owned
 from fronto.maskhead import REACH as REACH_OF_PATCH
 from fronto.maskhead import SIDE, describe, mask_in_photo
 from fronto.segments import Segment
 from fronto.shapes import FloatArray
+from fronto.units import known, label_place, label_segment, like_others
 
 if TYPE_CHECKING:
     from fronto.engine import MaskEngine
 
-__all__ = ["drawn", "label_place"]
+__all__ = ["drawn"]
 
 #: The photos that the network learned from are labelled loosely, their buttons' boxes and so its
 #: masks are larger than buttons outlined exactly, by a sixth in area in the median of those
@@ -36,15 +36,8 @@ LEAST_FILL, LEAST_DRAWN = 0.25, 0.1
 #: has learned from renders, knows its form. A mask that it has drawn is made as large as the
 #: network's, where their areas differ by no more than this: else they are of different things.
 LIKE = (0.6, 1.5)
-#: A label takes the rest of such a box: this share of its length lies at one end, at the other no
-#: more than this share of that, and the mask has this share of its width.
-LABEL, OTHER_END, WIDTH = 0.3, 0.4, 0.55
-#: A label that has been found by itself covers this share of that place, or is covered by it so.
-FOUND = 0.3
 #: A mask that ends this close to the photo's border, where its box ends, is cut there.
 AT_EDGE_PX = 3.0
-#: How sure one is that pixels of that place are the label's.
-LABEL_PIXELS = 0.9
 #: One that fills less than the first share is of a button whose pixels are unsure (an ellipse fills
 #: 0.79): then the likeliest pixels, the second share of the box, are its mask, if they are no less
 #: likely than this.
@@ -78,15 +71,15 @@ def drawn(
         return ()
     kept = [f for f, _ in there]
     boxes = np.stack([f.box for f in kept])
+    plates = np.array([f.instance.plate for f in kept])
     fine: list[_Mask | None] = [None] * len(kept)
     if head is not None:
         patches = describe(rgb, kept)
-        told = head.run(patches)
-        masks = _as_large(told.masks, patches.rough, np.array([f.instance.plate for f in kept]))
+        told = like_others([f.box for f in kept], plates, patches, head)
+        masks = _as_large(told.masks, patches.rough, plates)
         for k, part in enumerate(patches.regions):
             mask, origin = mask_in_photo(masks[k], part, width, height)
             fine[k] = (mask, origin, tuple(told.forms[k].tolist()))
-    plates = np.array([f.box for f in kept if f.instance.plate]).reshape(-1, 4)
     segments = []
     for k, (find, seen) in enumerate(there):
         area = float((seen[2:] - seen[:2]).prod())
@@ -98,65 +91,9 @@ def drawn(
         segments.append(_segment(find, seen, made, width, height))
         if made[2] and not find.instance.plate:
             label = label_place(seen, _box(made[0], made[1]))
-            if label is not None and not _known(label, plates):
-                segments.append(_label(find, label, width, height))
+            if label is not None and not known(label, boxes[plates]):
+                segments.append(label_segment(label, find.confidence, width, height))
     return tuple(segments)
-
-
-def label_place(box: FloatArray, tight: FloatArray) -> FloatArray | None:
-    """Where the label is that a network took for a part of the button beside it.
-
-    Many photos are labelled so: a box around both. The mask head knows what one presses.
-
-    Parameters
-    ----------
-    box, tight
-        Shape (4,): edges x0, y0, x1, y1 of what was found and of the button's mask.
-
-    Returns
-    -------
-    Edges (4,), or None: the button takes all of the box, or its middle.
-    """
-    sides = box[2:] - box[:2]
-    before, after = (tight[:2] - box[:2]) / sides, (box[2:] - tight[2:]) / sides
-    free = np.stack([before, after])
-    end, axis = (int(k) for k in np.unravel_index(int(free.argmax()), (2, 2)))
-    if free[end, axis] < LABEL or free[1 - end, axis] > OTHER_END * free[end, axis]:
-        return None
-    if 1 - free[:, 1 - axis].sum() < WIDTH:
-        return None
-    place = box.copy()
-    place[axis + 2 * (1 - end)] = tight[axis + 2 * end]
-    return place
-
-
-def _known(place: FloatArray, plates: FloatArray) -> bool:
-    """Whether one of the plates' boxes (n, 4) is about there."""
-    low, high = np.maximum(place[:2], plates[:, :2]), np.minimum(place[2:], plates[:, 2:])
-    shared = np.clip(high - low, 0, None).prod(axis=1)
-    own, theirs = (place[2:] - place[:2]).prod(), (plates[:, 2:] - plates[:, :2]).prod(axis=1)
-    return bool((shared > FOUND * np.minimum(own, theirs)).any())
-
-
-def _label(find: Find, place: FloatArray, width: int, height: int) -> Segment:
-    """The label beside a button that was found together with it."""
-    low = np.clip(np.floor(place[:2]).astype(int), 0, (width - 1, height - 1))
-    high = np.clip(np.ceil(place[2:]).astype(int), 0, (width - 1, height - 1))
-    columns, rows = high - low + 1
-    x, y = low[0] + np.arange(columns), low[1] + np.arange(rows)
-    # How far each pixel lies within it: edges between pixels.
-    across = np.clip(np.minimum(x - place[0], place[2] - x) + 0.5, 0, 1)
-    down = np.clip(np.minimum(y - place[1], place[3] - y) + 0.5, 0, 1)
-    probability = np.asarray(LABEL_PIXELS * down[:, None] * across, np.float32)
-    edges = place == (-0.5, -0.5, width - 0.5, height - 0.5)
-    return Segment(
-        PLATE,
-        find.confidence,
-        (float(place[0]), float(place[1]), float(place[2]), float(place[3])),
-        (int(low[0]), int(low[1])),
-        probability,
-        truncated=bool(edges.any()),
-    )
 
 
 #: Probability (h, w), its top-left pixel in the photo, and how likely each form is, if known.

@@ -187,7 +187,7 @@ class Outline:
     def __post_init__(self) -> None:
         for name in ("std_px", "form_std_px"):
             std = getattr(self, name)
-            if std is not None and not (np.isfinite(std) and std > 0):
+            if std is not None and not (math.isfinite(std) and std > 0):
                 raise InputError(name, f"expected a positive number of pixels, got {std}")
         if self.shape == "quad":
             if self.corners_px is None or self.ellipse_px is not None:

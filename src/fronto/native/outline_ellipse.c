@@ -124,19 +124,23 @@ static int fit_ellipse(int64_t n, const double *p, double *s, double *rms, doubl
     return 1;
 }
 
-/* shape (n,5): centre and m11, m12, m22; in: a start, or NaN to find one; out: NaN where there
+/* Points on the photo's border do not count; of the others of group i every every[i]-th is looked at.
+ * shape (n,5): centre and m11, m12, m22; in: a start, or NaN to find one; out: NaN where there
  * is no ellipse. rms (n) of the distances; inverse (n,25) of the normal matrix. Returns 0
  * if memory ran out. */
 FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double *xy,
-                                   double *shape, double *rms, double *inverse) {
+                                   const uint8_t *border, const int64_t *every, double *shape,
+                                   double *rms, double *inverse) {
     int64_t most = 1;
     for (int64_t i = 0; i < n; i++)
         if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
-    double *work = malloc((2 + PARAMETERS) * (size_t)most * sizeof *work);
+    double *work = malloc((4 + PARAMETERS) * (size_t)most * sizeof *work);
     if (!work) return 0;
+    double *p = work + (2 + PARAMETERS) * most;
     for (int64_t i = 0; i < n; i++) {
-        const int64_t points = first[i + 1] - first[i];
-        const double *p = xy + 2 * first[i];
+        int64_t points = 0;
+        for (int64_t j = first[i]; j < first[i + 1]; j += every[i])
+            if (!border[j]) p[2 * points] = xy[2 * j], p[2 * points + 1] = xy[2 * j + 1], points++;
         double *s = shape + 5 * i;
         if (points >= 6 && !(s[0] == s[0])) start_ellipse(points, p, s);
         if (points >= 6 && is_ellipse(s) &&

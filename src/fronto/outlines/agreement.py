@@ -68,11 +68,19 @@ def at_odds(outlines: Sequence[Outline]) -> list[int]:
     return [k for k, off in zip(quads, apart[reference], strict=True) if off > APART_RAD]
 
 
+def _box(outline: Outline) -> tuple[float, float, float, float]:
+    """`Outline.box_px`, faster for quads: four points are too few for NumPy."""
+    if outline.corners_px is None:
+        return outline.box_px
+    x, y = zip(*outline.corners_px.tolist(), strict=True)
+    return min(x), min(y), max(x), max(y)
+
+
 def doubles(outlines: Sequence[Outline]) -> list[int]:
     """Indices of outlines that are of a button which a surer one is of, too."""
     if len(outlines) < 2:
         return []
-    boxes = np.array([o.box_px for o in outlines])
+    boxes = np.array([_box(o) for o in outlines])
     center, size = (
         (boxes[:, :2] + boxes[:, 2:]) / 2,
         np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1)),

@@ -176,18 +176,21 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
 
 def _quad(segment: Segment, m: Measured, k: int, *, odd: bool) -> Outline | str:
     corners, seen = m.corners[k], m.seen[k].tolist()
+    points = corners.tolist()
     if odd:
         # Its rectangle bounds all of it, or it is cut.
         if m.at_border[k]:
             return "too little of it is seen to tell its shape"
         corners, seen = m.shapes.bounds[k], [True] * 4
+        points = corners.tolist()
     if sum(seen) < 2:
         return "less than two of its sides are seen"
-    if not np.isfinite(corners).all():
+    # Plain numbers: four points are too few for NumPy.
+    if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
         return "its sides bound no button"
     ordered = upright_order(corners)
     # Where in the ordered quad each side has come to: order_corners only turns the quad.
-    turn = corners.tolist().index(ordered[0].tolist())
+    turn = points.index(ordered[0].tolist())
     top, right, bottom, left = seen[turn:] + seen[:turn]
     whole = not odd and all(seen) and bool(m.refined.from_image[k].all())
     try:

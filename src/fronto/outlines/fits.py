@@ -106,9 +106,9 @@ def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     pointer = ctypes.c_void_p
     quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
-    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 10]
+    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 11]
     quads.restype = ctypes.c_int
-    ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 5, ctypes.c_int
+    ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 7, ctypes.c_int
     sides = kernels.fronto_move_sides
     sides.argtypes, sides.restype = [ctypes.c_int64] * 2 + [pointer] * 9, None
     return quads, ellipses, sides
@@ -119,6 +119,7 @@ def fit_quads(
     central: FloatArray,
     start: FloatArray | None = None,
     *,
+    every: npt.NDArray[np.int64] | None = None,
     still_px: float = 1e-3,
 ) -> Quads:
     """Fit a quad to the edge points of each mask, each side by its own line.
@@ -132,6 +133,8 @@ def fit_quads(
     start
         (n, 4, 2), clockwise as seen; None finds it: whitened points of a parallelogram lie on
         a square, and where its corners are is told by the fourth harmonic of its outline.
+    every
+        (n,): of each mask's points every so manieth is looked at; None: all are.
     still_px
         Corners that move by less from one step to the next are good enough, pixels.
     """
@@ -139,6 +142,7 @@ def fit_quads(
     corners = np.full((n, 4, 2), np.nan) if start is None else np.array(start, np.float64)
     lines, covered = np.empty((n, 4, 3)), np.empty((n, 4))
     rms, number = np.empty((n, 4)), np.empty((n, 4))
+    every = np.ones(n, np.int64) if every is None else every
     given = (
         (points.first, np.int64),
         (np.ascontiguousarray(points.xy), np.float64),
@@ -148,7 +152,11 @@ def fit_quads(
     )
     results = (corners, lines, covered, rms, number)
     done = _kernels()[0](
-        n, still_px, *(address(a, t) for a, t in given), *(address(a, np.float64) for a in results)
+        n,
+        still_px,
+        address(every, np.int64),
+        *(address(a, t) for a, t in given),
+        *(address(a, np.float64) for a in results),
     )
     if not done:
         raise MemoryError
@@ -156,7 +164,12 @@ def fit_quads(
 
 
 def fit_ellipses(
-    xy: FloatArray, first: npt.NDArray[np.int64], start: FloatArray | None = None
+    xy: FloatArray,
+    first: npt.NDArray[np.int64],
+    start: FloatArray | None = None,
+    *,
+    border: npt.NDArray[np.bool_] | None = None,
+    every: npt.NDArray[np.int64] | None = None,
 ) -> Ellipses:
     """Fit an ellipse to each of n groups of points, for the least geometric distances.
 
@@ -170,8 +183,14 @@ def fit_ellipses(
     start
         (n, 5) as in `Ellipses`; None: from the points' second moments, which needs points
         all around.
+    border
+        (N,): points that do not count; None: all do.
+    every
+        (n,): of each group's points every so manieth is looked at; None: all are.
     """
     n = len(first) - 1
+    border = np.zeros(len(xy), bool) if border is None else border
+    every = np.ones(n, np.int64) if every is None else every
     shape = np.full((n, 5), np.nan) if start is None else np.array(start, np.float64)
     rms, inverse = np.empty(n), np.empty((n, 5, 5))
     xy = np.ascontiguousarray(xy, np.float64)
@@ -179,6 +198,8 @@ def fit_ellipses(
         n,
         address(first, np.int64),
         address(xy, np.float64),
+        address(border, np.bool_),
+        address(every, np.int64),
         *(address(a, np.float64) for a in (shape, rms, inverse)),
     )
     if not done:

@@ -118,15 +118,14 @@ def find_shapes(
         in place of the photo's edges; None: nobody has.
     """
     n = len(points.size)
-    quads = fit_quads(points, np.full(n, FIRST_CENTRAL), still_px=FIRST_STILL_PX)
     some = thinned(points)
+    central = np.full(n, FIRST_CENTRAL)
+    quads = fit_quads(points, central, every=some.every, still_px=FIRST_STILL_PX)
     radius, _ = best_radius(some, quads.corners)
     central = np.clip(1 - radius, LEAST_CENTRAL, MOST_CENTRAL)
     quads = fit_quads(points, central, quads.corners)
     radius, misfit = best_radius(some, quads.corners)
-    inner = ~points.border
-    first = np.concatenate([[0], np.cumsum(inner)])[points.first].astype(np.int64)
-    ellipses = fit_ellipses(points.xy[inner], first)
+    ellipses = fit_ellipses(points.xy, points.first, border=points.border, every=some.every)
     round_misfit, wave = ellipse_misfit(some, ellipses.shape)
     wavy = _wavy(ellipses.shape, wave, points.blur)
     pill_misfit, extent = pill_misfits(some, quads.corners)
@@ -151,9 +150,23 @@ def find_shapes(
     kind: tuple[Kind, ...] = tuple(
         "odd" if odd else ("quad", "ellipse")[b] for odd, b in zip(poor, best, strict=True)
     )
+    ellipses = _exact(points, ellipses, np.array([one == "ellipse" for one in kind], bool))
     bounds = np.full((n, 4, 2), np.nan)
     bounds[poor] = rectangles(quads.corners[poor], extent[poor])
     return Shapes(kind, chance.max(axis=1), quads, ellipses, bounds, radius, rms)
+
+
+def _exact(points: EdgePoints, ellipses: Ellipses, rows: npt.NDArray[np.bool_]) -> Ellipses:
+    """The ellipses of some masks (n,), fitted to all of their points."""
+    # Of the others no point is looked at beyond the first.
+    every = np.where(rows, 1, np.maximum(np.diff(points.first), 1))
+    exact = fit_ellipses(points.xy, points.first, ellipses.shape, border=points.border, every=every)
+    rows = rows & np.isfinite(exact.rms)
+    return Ellipses(
+        np.where(rows[:, None], exact.shape, ellipses.shape),
+        np.where(rows, exact.rms, ellipses.rms),
+        np.where(rows[:, None, None], exact.inverse, ellipses.inverse),
+    )
 
 
 def _wavy(shape: FloatArray, wave: FloatArray, blur: FloatArray) -> npt.NDArray[np.bool_]:

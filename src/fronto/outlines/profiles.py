@@ -228,11 +228,16 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
         around = np.stack([strength[rows, left], strength[rows, peak], strength[rows, right]])
         peak = np.clip(peak + around.argmax(axis=0) - 1, 0, len(place) - 1)
     found = strength[rows, peak]
-    step = found / np.maximum(np.median(strength, axis=1), 1e-3)
+    step = found / np.maximum(_middle(strength), 1e-3)
     at, mean, deviation = _station_edges(lines, peak, found)
     offset = (at / ACROSS[look] - 1) * reach[:, None]
     sure = mean / np.maximum(deviation / np.sqrt(stations.xy.shape[1] / TOGETHER), 1e-6)
     return Edges(offset, np.where(found > 0.5, step, 0.0), sure)
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Medians (n,) of an odd number of values each: what np.median takes far longer for."""
+    return np.asarray(np.sort(values, axis=1)[:, values.shape[1] // 2])
 
 
 def _strengths(lines: _Lines) -> FloatArray:
