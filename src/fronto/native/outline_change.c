@@ -177,6 +177,42 @@ FRONTO_API int fronto_strengths(int64_t n, int64_t count, int64_t across, int64_
     return 1;
 }
 
+/* The edge of each curve, of strengths (n, m) at m places from -1 to 1: the strongest of those
+ * near the place `common`, whose deviation there is sd (n); then uphill to the edge itself, at most
+ * `walk` places: the wish for the common place moves its flank.
+ * -> peak (n): its place, 0 to m - 1; found, median (n): the strength there and of all places.
+ * Returns 0 if there are too many places. */
+FRONTO_API int fronto_peaks(int64_t n, int64_t m, const double *strength, double common,
+                            const double *sd, int64_t walk, int64_t *peak, double *found,
+                            double *median) {
+    double sorted[MOST_ACROSS];
+    if (m > MOST_ACROSS || m < 3) return 0;
+    for (int64_t i = 0; i < n; i++) {
+        const double *s = strength + i * m;
+        double most = -1;
+        int64_t at = 0;
+        for (int64_t j = 0; j < m; j++) {
+            const double away = (2.0 * (double)j / (double)(m - 1) - 1 - common) / sd[i];
+            const double wanted = s[j] * exp(-0.5 * away * away);
+            if (wanted > most) most = wanted, at = j;
+            int64_t k = j;
+            for (; k > 0 && sorted[k - 1] > s[j]; k--) sorted[k] = sorted[k - 1];
+            sorted[k] = s[j];
+        }
+        for (int64_t k = 0; k < walk; k++) {
+            const int64_t left = at > 0 ? at - 1 : 0, right = at < m - 1 ? at + 1 : m - 1;
+            /* The first of the highest. */
+            if (s[left] >= s[at] && s[left] >= s[right])
+                at = left;
+            else if (s[right] > s[at])
+                at = right;
+        }
+        peak[i] = at, found[i] = s[at];
+        median[i] = m % 2 ? sorted[m / 2] : (sorted[m / 2 - 1] + sorted[m / 2]) / 2;
+    }
+    return 1;
+}
+
 /* Step of each station at the places low to high (of one curve), as heights (count, high - low +
  * 1): along the curve's own step in colour at place peak; where it closes, of any colour. */
 static void heights_of(int64_t count, int64_t across, int64_t channels, const float *curve,

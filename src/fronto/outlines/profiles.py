@@ -166,6 +166,10 @@ def _kernels() -> Any:
         *photo, size, size, pointer, pointer, pointer, size, size, pointer
     ]  # fmt: skip
     kernels.fronto_lines.restype = None
+    kernels.fronto_peaks.argtypes = [
+        size, size, pointer, ctypes.c_double, pointer, size, pointer, pointer, pointer
+    ]  # fmt: skip
+    kernels.fronto_peaks.restype = ctypes.c_int
     lines: list[Any] = [*[size] * 4, pointer, size, pointer, size, pointer, ctypes.c_int]
     kernels.fronto_strengths.argtypes = [*lines, pointer]
     kernels.fronto_strengths.restype = ctypes.c_int
@@ -213,31 +217,17 @@ def find_edges(image: npt.NDArray[Any], stations: Stations, look: int) -> Edges:
     reach = _reach(stations.size, look)
     lines = _lines(image, stations, reach, look)
     strength = _strengths(lines)
-    place = np.linspace(-1, 1, strength.shape[1])
     if look == 0:
         common = common_offset(strength, stations.off / reach)
         sd = np.maximum(SAME_SD * stations.size, SAME_SD_PX) / reach
     else:
         common, sd = 0.0, np.full(len(reach), 0.5)
-    wanted = strength * np.exp(-0.5 * ((place - common) / sd[:, None]) ** 2)
-    rows = np.arange(len(strength))
-    peak = wanted.argmax(axis=1)
-    # Uphill from there to the edge itself: the wish for the common place moves its flank.
-    for _ in range(ACROSS[look] // 3):
-        left, right = np.maximum(peak - 1, 0), np.minimum(peak + 1, len(place) - 1)
-        around = np.stack([strength[rows, left], strength[rows, peak], strength[rows, right]])
-        peak = np.clip(peak + around.argmax(axis=0) - 1, 0, len(place) - 1)
-    found = strength[rows, peak]
-    step = found / np.maximum(_middle(strength), 1e-3)
+    peak, found, median = _peaks(strength, common, sd, ACROSS[look] // 3)
+    step = found / np.maximum(median, 1e-3)
     at, mean, deviation = _station_edges(lines, peak, found)
     offset = (at / ACROSS[look] - 1) * reach[:, None]
     sure = mean / np.maximum(deviation / np.sqrt(stations.xy.shape[1] / TOGETHER), 1e-6)
     return Edges(offset, np.where(found > 0.5, step, 0.0), sure)
-
-
-def _middle(values: FloatArray) -> FloatArray:
-    """Medians (n,) of an odd number of values each: what np.median takes far longer for."""
-    return np.asarray(np.sort(values, axis=1)[:, values.shape[1] // 2])
 
 
 def _strengths(lines: _Lines) -> FloatArray:
@@ -248,8 +238,35 @@ def _strengths(lines: _Lines) -> FloatArray:
     return strength
 
 
+def _peaks(
+    strength: FloatArray, common: float, sd: FloatArray, walk: int
+) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
+    """Place (c,) of each curve's edge, its strength, and the median strength of all places.
+
+    The strongest near `common`, from -1 to 1, with a deviation of `sd` (c,); then at most `walk`
+    places uphill to the edge itself: the wish for the common place moves its flank.
+    """
+    n, m = strength.shape
+    peak, found, median = np.empty(n, np.int64), np.empty(n), np.empty(n)
+    sd = np.ascontiguousarray(sd, np.float64)
+    done = _kernels().fronto_peaks(
+        n,
+        m,
+        address(strength, np.float64),
+        common,
+        address(sd, np.float64),
+        walk,
+        address(peak, np.int64),
+        address(found, np.float64),
+        address(median, np.float64),
+    )
+    if not done:
+        raise MemoryError
+    return peak, found, median
+
+
 def _station_edges(
-    lines: _Lines, peak: npt.NDArray[np.intp], found: FloatArray
+    lines: _Lines, peak: npt.NDArray[np.int64], found: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(c, k) place of each station's edge among those across, NaN where it shows none.
 
@@ -257,7 +274,6 @@ def _station_edges(
     step in colour; unsigned: of any colour.
     """
     curves, count = lines.values.shape[:2]
-    peak, found = peak.astype(np.int64), np.ascontiguousarray(found, np.float64)
     place, mean, deviation = np.empty((curves, count)), np.empty(curves), np.empty(curves)
     done = _kernels().fronto_station_edges(
         *lines.given(),
