@@ -14,10 +14,11 @@ from fronto.engine import DrawnMasks
 from fronto.finds import Find
 from fronto.grouping import Instance
 from fronto.maskhead import REACH, SIDE, Patches, mask_in_photo, region
-from fronto.masks import LEAST_DRAWN, drawn, label_place
+from fronto.masks import LEAST_DRAWN, drawn
 from fronto.scales import first_look
 from fronto.segmentation import segment
 from fronto.segments import Segment
+from fronto.units import label_place
 from test_segmentation import Oracle
 
 WIDTH, HEIGHT = 160, 120
@@ -112,6 +113,8 @@ class TestLabelPlace:
             (36, 22, 106, 58),  # too little is left
             (40, 22, 80, 58),  # the middle: a button in a ring
             (66, 38, 106, 58),  # in a corner
+            (-30, 10, 150, 70),  # larger than the box
+            (-30, 22, 108, 58),
         ],
     )
     def test_where_there_is_none(self, tight: Box) -> None:

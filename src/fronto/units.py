@@ -67,7 +67,7 @@ def _free_end(tight: FloatArray) -> int | None:
 
     0 left, 1 above, 2 right, 3 below; None: the button takes all of the box, or its middle.
     """
-    free = np.abs(tight - [0, 0, 1, 1])
+    free = np.concatenate([tight[:2], 1 - tight[2:]])
     end = int(free.argmax())
     if free[end] < LABEL or free[(end + 2) % 4] > OTHER_END * free[end]:
         return None
