@@ -21,7 +21,16 @@ from fronto.shapes import FloatArray
 if TYPE_CHECKING:
     from fronto.engine import MaskEngine
 
-__all__ = ["known", "label_place", "label_segment", "like_others"]
+__all__ = [
+    "LABEL",
+    "OTHER_END",
+    "THIN",
+    "WIDTH",
+    "known",
+    "label_place",
+    "label_segment",
+    "like_others",
+]
 
 #: A label takes the rest of such a box: this share of its length lies at one end, at the other no
 #: more than this share of that, and the mask has this share of its width.

@@ -19,15 +19,16 @@ from PIL import Image
 
 from fronto.datasets.records import LabeledImage, LabeledObject, polygon_box
 from fronto.engine import Engine, find_companion
-from fronto.engine.masks import AT_ONCE
+from fronto.engine.masks import AT_ONCE, MaskEngine
 from fronto.errors import InputError
 from fronto.maskhead import FORMS, SIDE, Patches, region
 from fronto.segmentation import finds_in, segment
-from fronto.train.masks.export import export_masks
+from fronto.train.masks.export import _tells_label, export_masks
 from fronto.train.masks.fit import MaskFit
 from fronto.train.masks.network import MaskNetwork, MaskOptions
 from fronto.train.masks.pool import Pool, read_pool
 from fronto.train.masks.run import MaskTrainOptions, publish_masks, train_masks
+from fronto.units import _edges, _free_end
 from onnxfiles import finder, head
 
 CHANNELS = 5
@@ -118,7 +119,7 @@ def test_the_file_gives_the_same_numbers_and_takes_the_place_of_an_older_one(
     others[0].write_bytes(head(engine.path.read_bytes(), channels=CHANNELS, classes=11))
     others[1].write_bytes(b"another network's")
     network = wild_head()
-    path = export_masks(network, engine, folder, {"license": "MIT"})
+    path = export_masks([network], engine, folder, {"license": "MIT"})
     assert find_companion(engine.path, "masks") == path
     assert not old.exists()
     assert all(other.exists() for other in others)
@@ -129,7 +130,7 @@ def test_the_file_gives_the_same_numbers_and_takes_the_place_of_an_older_one(
     metadata = used.masks.metadata
     assert (metadata["license"], metadata["network"]) == ("MIT", engine.digest)
     assert metadata["forms"] == ",".join(FORMS)
-    assert MaskOptions(**json.loads(metadata["options"])) == HEAD
+    assert [MaskOptions(**one) for one in json.loads(metadata["options"])] == [HEAD]
     for n in (1, 2, AT_ONCE + 3):
         given = patches(n)
         found = used.masks.run(given)
@@ -143,6 +144,38 @@ def test_the_file_gives_the_same_numbers_and_takes_the_place_of_an_older_one(
             assert ours.shape == theirs.shape
             assert theirs.std() > 0.01
             assert np.abs(ours - theirs).max() <= 1e-4
+
+
+def test_of_several_heads_the_mean_is_taken(engine: Engine) -> None:
+    heads = [wild_head(seed) for seed in (0, 1, 2)]
+    singles = []
+    for network in heads:
+        path = export_masks([network], engine, engine.path.parent, {})
+        singles.append(MaskEngine(path, network=engine.digest).run(patches(9)))
+    path = export_masks(heads, engine, engine.path.parent, {})
+    together = MaskEngine(path, network=engine.digest).run(patches(9))
+    np.testing.assert_allclose(
+        together.forms, np.mean([one.forms for one in singles], axis=0), atol=1e-4
+    )
+    for k, mask in enumerate(together.masks):
+        drawn = [one.masks[k] for one in singles]
+        believed = [m for m in drawn if _free_end(_edges(m)) is not None] or drawn
+        np.testing.assert_allclose(mask, np.mean(believed, axis=0), atol=1e-4)
+
+
+def test_which_masks_leave_room_for_a_label() -> None:
+    """As `fronto.units` tells it of one."""
+    rng = np.random.default_rng(8)
+    masks = np.zeros((4000, SIDE, SIDE), np.float32)
+    for mask in masks:
+        x0, y0, x1, y1 = rng.integers(0, SIDE, 4)
+        mask[min(y0, y1) : max(y0, y1) + 1, min(x0, x1) : max(x0, x1) + 1] = 1
+        mask[rng.random((SIDE, SIDE)) < 0.02] = 1
+    masks[0] = 0
+    expected = [_free_end(_edges(mask)) is not None for mask in masks]
+    assert 0.05 < np.mean(expected) < 0.95
+    found = _tells_label(torch.from_numpy(masks).reshape(-1, 4, SIDE, SIDE))
+    assert found.reshape(-1).tolist() == expected
 
 
 def test_from_renders_to_a_file(
@@ -169,7 +202,7 @@ def test_from_renders_to_a_file(
         train_masks([], engine, run, longer, progress=False)
     assert [row["step"] for row in columns(run)] == ["2", "4"]
 
-    path = publish_masks(run, engine, engine.path.parent, {"license": "MIT"})
+    path = publish_masks([run], engine, engine.path.parent, {"license": "MIT"})
     used = Engine(engine.path, threads=1)
     assert used.masks is not None
     assert used.masks.path == path
@@ -238,7 +271,7 @@ def test_a_run_is_for_one_network(engine: Engine, tmp_path: Path) -> None:
     another = engine_of(tmp_path, 1)
     for attempt in (
         lambda: train_masks([], another, run, OPTIONS, progress=False),
-        lambda: publish_masks(run, another, tmp_path / "out", {}),
+        lambda: publish_masks([run], another, tmp_path / "out", {}),
     ):
         with pytest.raises(InputError, match=f"{engine.digest}.*{another.digest}"):
             attempt()
@@ -311,7 +344,7 @@ def test_what_is_no_run_is_not_published(
     if content is not None:
         (tmp_path / "last.pt").write_bytes(content)
     with pytest.raises(InputError, match=r"last\.pt"):
-        publish_masks(tmp_path, engine, tmp_path / "out", {})
+        publish_masks([tmp_path], engine, tmp_path / "out", {})
     assert not (tmp_path / "out").exists()
 
 

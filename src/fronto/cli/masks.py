@@ -90,7 +90,7 @@ def command(
     train_masks(photos, engine, run, options, progress=not quiet)
     known = {"license": license_, "training_data": stated}
     metadata = {key: value for key, value in known.items() if value}
-    path = publish_masks(run, engine, folder or engine.path.parent, metadata)
+    path = publish_masks([run], engine, folder or engine.path.parent, metadata)
     if not quiet:
         say(f"{run}: {path.stat().st_size / 1e6:.1f} MB -> {path}")
 

@@ -120,7 +120,7 @@ def find_shapes(
     n = len(points.size)
     some = thinned(points)
     central = np.full(n, FIRST_CENTRAL)
-    quads = fit_quads(points, central, every=some.every, still_px=FIRST_STILL_PX)
+    quads = fit_quads(points, central, still_px=FIRST_STILL_PX)
     radius, _ = best_radius(some, quads.corners)
     central = np.clip(1 - radius, LEAST_CENTRAL, MOST_CENTRAL)
     quads = fit_quads(points, central, quads.corners)

@@ -141,13 +141,15 @@ def train_masks(
     )
 
 
-def publish_masks(run: Path, engine: Engine, directory: Path, metadata: Mapping[str, str]) -> Path:
+def publish_masks(
+    runs: Sequence[Path], engine: Engine, directory: Path, metadata: Mapping[str, str]
+) -> Path:
     """Write the head of a run as ONNX, to lie beside its network's file.
 
     Parameters
     ----------
-    run
-        Folder of the run.
+    runs
+        Folder of the run; of several the heads' mean is taken.
     engine
         The network that it was trained for.
     directory
@@ -162,14 +164,15 @@ def publish_masks(run: Path, engine: Engine, directory: Path, metadata: Mapping[
     Raises
     ------
     InputError
-        If the folder holds no such run, or one for another network.
+        If a folder holds no such run, or one for another network.
     """
     from fronto.train.masks.export import export_masks
     from fronto.train.masks.fit import load_masks
 
-    network = load_masks(run / "last.pt")
-    check_run(run, {"weights": engine.digest}, ("weights",))
-    return export_masks(network, engine, directory, {"version": __version__, **metadata})
+    networks = [load_masks(run / "last.pt") for run in runs]
+    for run in runs:
+        check_run(run, {"weights": engine.digest}, ("weights",))
+    return export_masks(networks, engine, directory, {"version": __version__, **metadata})
 
 
 def _collected(
