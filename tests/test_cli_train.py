@@ -235,8 +235,8 @@ def test_without_data_a_mask_head_learns_from_renders(
     def train(photos: list, engine: Any, folder: Path, options: Any, *, progress: bool) -> None:
         asked.append((photos, engine.path, folder, options, progress))
 
-    def publish(folder: Path, engine: Any, where: Path, metadata: dict[str, str]) -> Path:
-        asked.append((folder, where, metadata))
+    def publish(runs: list[Path], engine: Any, where: Path, metadata: dict[str, str]) -> Path:
+        asked.append((runs, where, metadata))
         return find_weights()
 
     monkeypatch.setattr("fronto.train.masks.run.train_masks", train)
@@ -247,7 +247,7 @@ def test_without_data_a_mask_head_learns_from_renders(
     assert (photos, path, folder, progress) == ([], find_weights(), tmp_path / "run", True)
     assert (options.renders, options.pictures, options.seed) == (1.0, 9000, 0)
     assert (options.fit.steps, options.fit.batch, options.fit.rate) == (12_000, 96, 3e-3)
-    assert asked[1] == (tmp_path / "run", tmp_path / "out", {})
+    assert asked[1] == ([tmp_path / "run"], tmp_path / "out", {})
     assert "0 photos" in result.stderr + result.stdout
 
 
