@@ -333,6 +333,25 @@ def test_a_given_camera_is_used() -> None:
     assert render_photo(np.random.default_rng(1), 200, 150, camera=camera).camera is camera
 
 
+@pytest.mark.parametrize("share", [-0.1, 1.5, float("nan")])
+def test_a_share_of_pills_that_is_none_is_refused(share: float) -> None:
+    with pytest.raises(InputError, match="pills"):
+        render_photo(np.random.default_rng(0), 64, 64, pills=share)
+
+
+def test_pills_hold_more_panels_the_larger_their_share() -> None:
+    plans = {
+        share: [random_plan(np.random.default_rng(seed), pills=share) for seed in range(60)]
+        for share in (0.0, 1.0)
+    }
+    held = {
+        share: sum(any(f.kind == "pill" for f in plan.fixtures) for plan in some)
+        for share, some in plans.items()
+    }
+    assert held[0.0] == 0
+    assert held[1.0] > 20
+
+
 def test_cameras_that_do_not_fit_are_refused() -> None:
     matrix = [[250, 0, 100], [0, 250, 75], [0, 0, 1]]
     rng = np.random.default_rng(0)

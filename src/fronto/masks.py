@@ -14,7 +14,7 @@ from fronto.maskhead import REACH as REACH_OF_PATCH
 from fronto.maskhead import SIDE, describe, mask_in_photo
 from fronto.segments import Segment
 from fronto.shapes import FloatArray
-from fronto.units import known, label_place, label_segment, like_others
+from fronto.units import already_found, label_place, label_segment, like_others
 
 if TYPE_CHECKING:
     from fronto.engine import MaskEngine
@@ -91,7 +91,7 @@ def drawn(
         segments.append(_segment(find, seen, made, width, height))
         if made[2] and not find.instance.plate:
             label = label_place(seen, _box(made[0], made[1]))
-            if label is not None and not known(label, boxes[plates]):
+            if label is not None and not already_found(label, boxes[plates]):
                 segments.append(label_segment(label, find.confidence, width, height))
     return tuple(segments)
 

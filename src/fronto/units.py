@@ -26,7 +26,7 @@ __all__ = [
     "OTHER_END",
     "THIN",
     "WIDTH",
-    "known",
+    "already_found",
     "label_place",
     "label_segment",
     "like_others",
@@ -50,8 +50,6 @@ Floats = npt.NDArray[np.float32]
 
 def label_place(box: FloatArray, tight: FloatArray) -> FloatArray | None:
     """Where the label is that a network took for a part of the button beside it.
-
-    Many photos are labelled so: a box around both. The mask head knows what one presses.
 
     Parameters
     ----------
@@ -141,7 +139,7 @@ def _edges(mask: Floats) -> FloatArray:
     return np.asarray((np.array([*low, *high]) / SIDE - 0.5) * REACH + 0.5)
 
 
-def known(place: FloatArray, plates: FloatArray) -> bool:
+def already_found(place: FloatArray, plates: FloatArray) -> bool:
     """Whether one of the plates' boxes (n, 4) is about there."""
     low, high = np.maximum(place[:2], plates[:, :2]), np.minimum(place[2:], plates[:, 2:])
     shared = np.clip(high - low, 0, None).prod(axis=1)

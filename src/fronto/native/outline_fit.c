@@ -153,35 +153,30 @@ static void sum_sides(int64_t n, const double *p, double central, int first_roun
     }
 }
 
-/* still: corners that move by less, pixels, are good enough. every (n): of each mask's points
- * every so manieth is looked at.
+/* still: corners that move by less, pixels, are good enough.
  * corner (n,4,2): in: where to start, or NaN to find that; out: the quads, clockwise as seen,
  * NaN where there is none. central (n): share of a side on which its line is fitted.
  * line (n,4,3): normal outwards and offset of the sides; side k runs from corner k to the
  * next. covered, rms, count (n,4): share of the central part with points, RMS of their
  * distances (NaN: a side without a line of its own), number. Returns 0 if memory ran out. */
-FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *every,
-                                const int64_t *first, const double *xy, const uint8_t *border,
-                                const double *size,
+FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *first, const double *xy,
+                                const uint8_t *border, const double *size,
                                 const double *central, double *corner, double *line,
                                 double *covered, double *rms, double *count) {
     int64_t most = 1;
     for (int64_t i = 0; i < n; i++)
         if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
-    double *place = malloc(5 * (size_t)most * sizeof *place);
+    double *place = malloc(3 * (size_t)most * sizeof *place);
     int *of = malloc((size_t)most * sizeof *of);
-    uint8_t *edge = malloc((size_t)most);
-    if (!place || !of || !edge) {
+    if (!place || !of) {
         free(place);
         free(of);
-        free(edge);
         return 0;
     }
-    double *off = place + most, *work = off + most, *p = work + most;
+    double *off = place + most, *work = off + most;
     for (int64_t i = 0; i < n; i++) {
-        int64_t points = 0;
-        for (int64_t j = first[i]; j < first[i + 1]; j += every[i], points++)
-            p[2 * points] = xy[2 * j], p[2 * points + 1] = xy[2 * j + 1], edge[points] = border[j];
+        const int64_t points = first[i + 1] - first[i];
+        const double *p = xy + 2 * first[i];
         double *c = corner + 8 * i;
         Side side[4];
         for (int k = 0; k < 4; k++) covered[4 * i + k] = 0, rms[4 * i + k] = NAN, count[4 * i + k] = 0;
@@ -191,7 +186,7 @@ FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *every,
             continue;
         }
         for (int round = 0; round < ROUNDS; round++) {
-            sort_points(points, p, edge, size[i], central[i], side, c, of, place, off);
+            sort_points(points, p, border + first[i], size[i], central[i], side, c, of, place, off);
             sum_sides(points, p, central[i], round == 0, side, of, place, off, work);
             const double moved = move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
             if (round > 1 && moved < still) break;
@@ -205,7 +200,6 @@ FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *every,
     }
     free(place);
     free(of);
-    free(edge);
     return 1;
 }
 

@@ -106,7 +106,7 @@ def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     pointer = ctypes.c_void_p
     quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
-    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 11]
+    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 10]
     quads.restype = ctypes.c_int
     ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 7, ctypes.c_int
     sides = kernels.fronto_move_sides
@@ -119,7 +119,6 @@ def fit_quads(
     central: FloatArray,
     start: FloatArray | None = None,
     *,
-    every: npt.NDArray[np.int64] | None = None,
     still_px: float = 1e-3,
 ) -> Quads:
     """Fit a quad to the edge points of each mask, each side by its own line.
@@ -133,8 +132,6 @@ def fit_quads(
     start
         (n, 4, 2), clockwise as seen; None finds it: whitened points of a parallelogram lie on
         a square, and where its corners are is told by the fourth harmonic of its outline.
-    every
-        (n,): of each mask's points every so manieth is looked at; None: all are.
     still_px
         Corners that move by less from one step to the next are good enough, pixels.
     """
@@ -142,7 +139,6 @@ def fit_quads(
     corners = np.full((n, 4, 2), np.nan) if start is None else np.array(start, np.float64)
     lines, covered = np.empty((n, 4, 3)), np.empty((n, 4))
     rms, number = np.empty((n, 4)), np.empty((n, 4))
-    every = np.ones(n, np.int64) if every is None else every
     given = (
         (points.first, np.int64),
         (np.ascontiguousarray(points.xy), np.float64),
@@ -154,7 +150,6 @@ def fit_quads(
     done = _kernels()[0](
         n,
         still_px,
-        address(every, np.int64),
         *(address(a, t) for a, t in given),
         *(address(a, np.float64) for a in results),
     )

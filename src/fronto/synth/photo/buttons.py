@@ -240,7 +240,7 @@ def draw_element(
         _draw_slot(canvas, element, rng)
     elif drawn:
         _draw_label(canvas, element, look, size)
-    if style and _has_lamp(style, element.form) and element.style != KEY_STYLE:
+    if style and _has_lamp(style, element.form):
         _draw_lamp(canvas, element, style)
     if element.braille:
         _draw_braille(canvas, element, wardrobe.braille, rng)

@@ -92,7 +92,8 @@ def render_photo(
     Raises
     ------
     InputError
-        If the photo is too small, or the camera is for another size or has distortion.
+        If the photo is too small, the share is none, or the camera is for another size or has
+        distortion.
     """
     if min(width, height) < MIN_PHOTO_PX:
         raise InputError(
@@ -100,6 +101,8 @@ def render_photo(
             f"expected a width and height of at least {MIN_PHOTO_PX} px, got {width}x{height}",
             "ask for a larger photo",
         )
+    if not 0 <= pills <= 1:
+        raise InputError("pills", f"expected a share from 0 to 1, got {pills:g}")
     if camera is None:
         camera = sample_camera(rng, width, height)
     elif (camera.width_px, camera.height_px) != (width, height):
