@@ -90,7 +90,7 @@ class Shown:
 
     def rectifier(self, **options: object) -> Rectifier:
         # What lines and second looks bring depends on the picture; here outlines are all.
-        plain = RectifierOptions(lines=False, second_look=False)
+        plain = RectifierOptions(lines=False, second_look=False, rectified_look=False)
         return Rectifier(
             segment=lambda photo: Segments(photo.shape[1], photo.shape[0], ()),
             outline=lambda segments, photo: self.outlines[self.now],

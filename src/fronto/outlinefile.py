@@ -199,15 +199,15 @@ def _scaled(outline: Outline, factor: FloatArray) -> Outline:
     """Scale to the resized photo: x' = (x + 0.5) s - 0.5, since pixel centres are integers."""
     mean = float(np.sqrt(factor.prod()))
     std = outline.std_px * mean
+    form = None if outline.form_std_px is None else outline.form_std_px * mean
     if outline.corners_px is not None:
         corners = (outline.corners_px + 0.5) * factor - 0.5
-        form = None if outline.form_std_px is None else outline.form_std_px * mean
         return replace(outline, corners_px=corners, std_px=std, form_std_px=form)
     assert outline.ellipse_px is not None
     matrix = factor[:, None] * outline.ellipse_px.shape_matrix * factor
     center = (outline.ellipse_px.center + 0.5) * factor - 0.5
     ellipse = Ellipse.from_shape_matrix(center, matrix)
-    return replace(outline, ellipse_px=ellipse, std_px=std)
+    return replace(outline, ellipse_px=ellipse, std_px=std, form_std_px=form)
 
 
 def _scaled_line(line: LineSegment, factor: FloatArray) -> LineSegment:

@@ -15,7 +15,7 @@ from fronto.errors import InputError
 from fronto.images import as_rgb
 from fronto.outlines.straight import straight_segments
 from fronto.pose import Template, estimate_pose
-from fronto.pose.guided import with_lines
+from fronto.pose.guided import with_frame, with_lines
 from fronto.pose.observations import TOLERANCE
 from fronto.results import Button, Panel, PanelPose, RectifiedView
 from fronto.shapes import Ellipse, FloatArray, LineSegment, Outline
@@ -119,6 +119,7 @@ def rectify_outlines(
     if find_lines and solver == "refine" and pose.status != "no_buttons":
         ends, std_px = straight_segments(as_rgb(image))
         pose = with_lines(pose, outlines, ends, std_px, solve)
+        pose = with_frame(pose, outlines, ends, std_px, solve)
     posed = time.perf_counter()
     view = None
     if pose.status in ("ok", "uncertain"):

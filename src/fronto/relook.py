@@ -35,6 +35,8 @@ SAME = 0.7
 AGREES = 0.5
 #: Residuals that are this much larger are paid for by more buttons that agree.
 PAID = 1.1
+#: So they are by a status that is "ok" now, where at least this share of the buttons still agrees.
+CLEARED = 0.75
 #: Two looks contradict each other where their rotations differ by this many of their deviations
 #: together, and by this many degrees; by so many where the focal length is estimated along: it
 #: and the tilt trade off along poses that rectify alike.
@@ -100,7 +102,8 @@ def better(again: Panel, first: Panel) -> bool:
     if before is None or after is None:
         return False
     agreed = [sum(b.weight > AGREES for b in p.buttons) for p in (first, again)]
-    if agreed[1] > agreed[0]:
+    cleared = again.status == "ok" and first.status != "ok" and agreed[1] >= CLEARED * agreed[0]
+    if agreed[1] > agreed[0] or cleared:
         return after <= PAID * before
     return agreed[1] == agreed[0] and after < before
 

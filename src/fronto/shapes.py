@@ -166,9 +166,9 @@ class Outline:
     shape_confidence
         Probability that it has this shape and no other, 0 to 1.
     form_std_px
-        Standard deviation of a quad's corner coordinates against each other, place and size
-        left open: an outline that follows another edge of the button all around is as good for
-        the pose. None: `std_px`.
+        Standard deviation of the form, place and size left open: of a quad's corner coordinates
+        against each other, of half the difference of an ellipse's axes. An outline that follows
+        another edge of the button all around is as good for the pose. None: `std_px`.
     """
 
     shape: Shape
@@ -251,6 +251,7 @@ class Outline:
         text: str = "",
         truncated: bool = False,
         shape_confidence: float = 1.0,
+        form_std_px: float | None = None,
     ) -> Outline:
         """An ellipse from its centre, semi-axes (a >= b) and the a axis' angle.
 
@@ -268,6 +269,7 @@ class Outline:
             text=text,
             truncated=truncated,
             shape_confidence=shape_confidence,
+            form_std_px=form_std_px,
         )
 
     @property

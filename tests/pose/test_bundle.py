@@ -5,10 +5,10 @@ import pytest
 
 from fronto import Camera, LineSegment
 from fronto.pose.bundle import (
+    ELLIPSE,
     FIRST_GROUP,
     FOCAL,
     MAX_GLOBALS,
-    QUAD,
     Model,
     Observations,
     back_project,
@@ -95,7 +95,7 @@ def problem_of(
     if noise is not None:
         panel = panel.noisy(noise, 0.3)
     seen = observations(panel.outlines, camera, segments)
-    seen = replace(seen, gain=np.where(seen.kind == QUAD, gain, 1.0))
+    seen = replace(seen, gain=np.full(len(seen.kind), gain))
 
     pivot = np.array([*(np.array(seen.pivot) / focal_scale), 1.0])
     depth = panel.translation[2] / (panel.rotation[2] @ pivot)
@@ -338,6 +338,26 @@ def test_place_and_size_keep_their_weight_where_the_form_is_surer(view):
     for turn in (0.01, -0.01):
         turned = middle + (quad - middle) @ np.array([[1, turn], [-turn, 1]])
         assert chi2(problem, turned) > 15 * chi2(plain, turned)
+
+
+def test_so_do_those_of_circles(view):
+    problem, plain = problem_of(view, gain=5.0), problem_of(view)
+    k = int(np.flatnonzero(problem.seen.kind == ELLIPSE)[0])
+    n0, n1, h = problem.seen.observed[k].reshape(8, 3).T
+    reach = 0.5 * (h + np.roll(h, 4))
+
+    def chi2(which, moved):
+        observed = which.seen.observed.copy()
+        observed[k, 2::3] += moved
+        seen = replace(which.seen, observed=observed)
+        return evaluate(seen, which.model, which.rotation, which.parameters, which.xy)
+
+    for moved in (0.001 * n0, 0.002 * n1, 0.01 * reach):
+        assert chi2(problem, moved) == pytest.approx(chi2(plain, moved), rel=0.01)
+    # Longer one way and shorter the other.
+    anomaly = 2 * np.pi * np.arange(8) / 8
+    for moved in (0.001 * np.cos(2 * anomaly), 0.001 * np.sin(2 * anomaly)):
+        assert chi2(problem, moved) > 10 * chi2(plain, moved)
 
 
 def test_loss_is_plain_up_to_the_knee_and_logarithmic_after(view):

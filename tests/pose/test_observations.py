@@ -38,6 +38,26 @@ def test_form_by_hand():
     assert gains(form_std_px=0.3, seen=(True, True, True, False)) == [1, 1]
 
 
+def test_the_form_of_circles_by_hand():
+    def gains(**options):
+        circle = Outline.ellipse(100, 100, 20, 20, std_px=2.0, **options)
+        return observations([circle] * 5, CAMERA, tolerance=0.01).gain.tolist()
+
+    assert gains() == [1] * 5
+    assert gains(form_std_px=0.3) == pytest.approx([np.hypot(2, 0.4) / 0.5] * 5)
+
+
+def test_forms_that_err_alike_count_less():
+    def gain(count, correlation):
+        circle = Outline.ellipse(100, 100, 20, 20, std_px=2.0, form_std_px=0.3)
+        seen = observations([circle] * count, CAMERA, tolerance=0.0, correlation=correlation)
+        return seen.gain[0]
+
+    assert gain(1, 0.1) == gain(8, 0.0) == pytest.approx(2 / 0.3)
+    assert gain(8, 0.1) < gain(2, 0.1) < gain(1, 0.1)
+    assert gain(1000, 0.5) == 1
+
+
 def test_lines_by_hand():
     lines = [
         LineSegment("vertical", [[320, 140], [420, 340]], std_px=0.4),

@@ -29,8 +29,8 @@ typedef struct {
                                               ellipse: 8 tangents (n0, n1, h): n.u = h       */
     const double *inverse_sd; /* (buttons,8)  quad: one per corner (first 4), 0 = unseen;
                                               ellipse: one per tangent                       */
-    const double *gain;       /* (buttons)    quad: how many times surer its form is than its
-                                              place and size; 1: no surer                    */
+    const double *gain;       /* (buttons)    how many times surer its form is than its place
+                                              and size; 1: no surer                          */
     const int *group;         /* (buttons)    size group                                     */
     const int *tie_index;     /* (buttons,4)  latents of x (2) and of y (2), -1 = none       */
     const double *tie_coef;   /* (buttons,4)  x = sum coef * latent                          */

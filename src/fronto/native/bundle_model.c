@@ -64,8 +64,8 @@ static int quad_rows(const Problem *p, int i, const double *R, double s, double 
     return 8;
 }
 
-/* Multiplies by `gain` what of eight values (corners' x and y) is neither a shift of the quad nor
- * its growing along its sides; these four ways are orthogonal. */
+/* Multiplies by `gain` what of eight values (corners' x and y, or tangents' distances) is neither
+ * a shift of the outline nor its growing; these ways are orthogonal and of length 1, or zero. */
 static void sharpen(double gain, const double ways[4][8], double *values, int stride) {
     double along[4] = {0, 0, 0, 0};
     for (int q = 0; q < 4; q++)
@@ -77,8 +77,9 @@ static void sharpen(double gain, const double ways[4][8], double *values, int st
     }
 }
 
-/* The ways in which an outline on another of a button's edges differs: shifted, or larger. */
-static void common_ways(const double *seen, double ways[4][8]) {
+/* The ways in which a quad on another of a button's edges differs: shifted, or larger along its
+ * sides. */
+static void quad_ways(const double *seen, double ways[4][8]) {
     static const double SX[4] = {-0.5, 0.5, 0.5, -0.5}, SY[4] = {-0.5, -0.5, 0.5, 0.5};
     double side[2][2] = {{0, 0}, {0, 0}};
     for (int c = 0; c < 4; c++)
@@ -97,6 +98,28 @@ static void common_ways(const double *seen, double ways[4][8]) {
             ways[2][2 * c + k] = SX[c] * side[0][k];
             ways[3][2 * c + k] = SY[c] * side[1][k];
         }
+}
+
+/* The same of an ellipse: shifted, or larger in all. */
+static void ellipse_ways(const double *seen, double ways[4][8]) {
+    const int half = TANGENTS / 2;
+    memset(ways, 0, 4 * sizeof ways[0]);
+    for (int t = 0; t < TANGENTS; t++) {
+        ways[0][t] = seen[3 * t];
+        ways[1][t] = seen[3 * t + 1];
+        /* Opposite tangents have opposite normals: their mean is what does not shift. */
+        ways[2][t] = 0.5 * (seen[3 * t + 2] + seen[3 * ((t + half) % TANGENTS) + 2]);
+    }
+    for (int q = 0; q < 3; q++) {
+        double square = 0.0;
+        for (int before = 0; before < q; before++) {
+            double dot = 0.0;
+            for (int t = 0; t < TANGENTS; t++) dot += ways[before][t] * ways[q][t];
+            for (int t = 0; t < TANGENTS; t++) ways[q][t] -= dot * ways[before][t];
+        }
+        for (int t = 0; t < TANGENTS; t++) square += ways[q][t] * ways[q][t];
+        for (int t = 0; t < TANGENTS; t++) ways[q][t] *= square > 0 ? 1.0 / sqrt(square) : 0.0;
+    }
 }
 
 /* Eight residuals of an ellipse: along each of eight normals n, the distance between the
@@ -272,9 +295,13 @@ double bundle_evaluate(const Problem *p, const double *R, const double *globals,
                 ? quad_rows(p, i, R, s, width, exp(globals[at + 1]), xy + 2 * i, r, normal ? J : 0)
                 : ellipse_rows(p, i, R, s, width, xy + 2 * i, r, normal ? J : 0);
         if (rows < 0) return INFINITY;
-        if (p->kind[i] == QUAD && p->gain[i] != 1.0) {
+        if (p->gain[i] != 1.0) {
             double ways[4][8];
-            common_ways(p->observed + (size_t)i * OBSERVATION, ways);
+            const double *seen = p->observed + (size_t)i * OBSERVATION;
+            if (p->kind[i] == QUAD)
+                quad_ways(seen, ways);
+            else
+                ellipse_ways(seen, ways);
             sharpen(p->gain[i], (const double(*)[8])ways, r, 1);
             for (int a = 0; a < COLUMNS && normal; a++)
                 sharpen(p->gain[i], (const double(*)[8])ways, &J[0][a], COLUMNS);

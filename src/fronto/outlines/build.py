@@ -37,9 +37,12 @@ EDGE_OFF = {"quad": (0.6, 0.035), "ellipse": (0.4, 0.011)}
 #: The same of masks that a mask head has drawn.
 DRAWN_MASK_OFF = {"quad": (1.2, 0.047), "ellipse": (0.8, 0.023)}
 DRAWN_EDGE_OFF = {"quad": (0.63, 0.036), "ellipse": (0.47, 0.012)}
-#: Of corners against each other, place and size left open, where all four sides follow the photo.
-FORM_OFF = (0.3, 0.002)
-DRAWN_FORM_OFF = (0.2, 0.002)
+#: The same of the form alone, place and size left open. An outline on another of the button's
+#: edges is wrong in its size all around, and right in its form.
+FORM_MASK_OFF = {"quad": (1.35, 0.063), "ellipse": (0.55, 0.022)}
+FORM_EDGE_OFF = {"quad": (0.3, 0.002), "ellipse": (0.4, 0.011)}
+DRAWN_FORM_MASK_OFF = {"quad": (0.7, 0.02), "ellipse": (0.16, 0.006)}
+DRAWN_FORM_EDGE_OFF = {"quad": (0.2, 0.002), "ellipse": (0.12, 0.003)}
 #: Of an odd shape's corners, in sizes.
 ODD_STD = 0.06
 #: Variance of a fitted line at the side's end against that of its points' mean: the central
@@ -59,9 +62,10 @@ class Measured(NamedTuple):
         do not.
     seen
         (n, 4): which sides of quads are seen.
-    quad_std, form_std, ellipse_off
-        (n,) pixels: deviation of quads' corners, the same against each other, and what an
-        ellipse's fit does not show of its own.
+    quad_std, quad_form
+        (n,) pixels: deviation of quads' corners, and of their form alone.
+    ellipse_off, ellipse_form_off
+        (n,) pixels: what an ellipse's fit does not show of its deviations.
     at_border
         (n,): whether the photo's border cuts the mask.
     """
@@ -72,8 +76,9 @@ class Measured(NamedTuple):
     corners: FloatArray
     seen: npt.NDArray[np.bool_]
     quad_std: FloatArray
-    form_std: FloatArray
+    quad_form: FloatArray
     ellipse_off: FloatArray
+    ellipse_form_off: FloatArray
     at_border: npt.NDArray[np.bool_]
 
 
@@ -90,11 +95,21 @@ def measured(
         px, share = np.where(drawn[:, None], drawn_constants, constants).T
         return np.asarray(blurred * np.hypot(px, share * points.size))
 
-    def systematic(shape: Literal["quad", "ellipse"], share: FloatArray) -> FloatArray:
-        """What the fit's own deviation does not show; `share` of the outline is the photo's."""
+    def systematic(
+        shape: Literal["quad", "ellipse"], share: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """What fits' own deviations do not show: of all, and of the form.
+
+        `share` (n,) of the outline is the photo's.
+        """
         mask = off(MASK_OFF[shape], DRAWN_MASK_OFF[shape])
         edge = off(EDGE_OFF[shape], DRAWN_EDGE_OFF[shape])
-        return np.asarray(np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2))
+        form_mask = off(FORM_MASK_OFF[shape], DRAWN_FORM_MASK_OFF[shape])
+        form_edge = off(FORM_EDGE_OFF[shape], DRAWN_FORM_EDGE_OFF[shape])
+        return (
+            np.sqrt(SHARP_PX**2 + share * edge**2 + (1 - share) * mask**2),
+            np.sqrt(SHARP_PX**2 + share * form_edge**2 + (1 - share) * form_mask**2),
+        )
 
     # Of the sides that are seen: the deviation of a corner coordinate from their fits.
     rms = np.maximum(refined.line_rms, 0.05)
@@ -102,7 +117,9 @@ def measured(
     variance = np.where(seen, AT_END * rms**2 / np.maximum(number, 1.0), 0.0)
     fits = np.sqrt(variance.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     fits = np.where(np.array([kind == "odd" for kind in shapes.kind]), ODD_STD * points.size, fits)
-    quad = np.hypot(fits, systematic("quad", refined.from_image.mean(axis=1)))
+    quad_off = systematic("quad", refined.from_image.mean(axis=1))
+    quad, quad_form = (np.hypot(fits, one) for one in quad_off)
+    ellipse_off = systematic("ellipse", refined.ellipse_from_image.astype(float))
     border = np.bincount(points.owner[points.border], minlength=n) > 0
     return Measured(
         points,
@@ -111,8 +128,8 @@ def measured(
         intersections(refined.lines),
         seen,
         quad,
-        np.minimum(quad, np.hypot(fits, off(FORM_OFF, DRAWN_FORM_OFF))),
-        systematic("ellipse", refined.ellipse_from_image.astype(float)),
+        quad_form,
+        *ellipse_off,
         np.asarray(border),
     )
 
@@ -159,6 +176,7 @@ def _ellipse(segment: Segment, m: Measured, k: int) -> Outline | str:
         ellipse.b,
         ellipse.angle_deg,
         std_px=math.hypot(statistical, float(m.ellipse_off[k])),
+        form_std_px=math.hypot(statistical, float(m.ellipse_form_off[k])),
         category=segment.category,
         confidence=segment.confidence,
         truncated=bool(m.at_border[k]),
@@ -192,7 +210,7 @@ def _quad(segment: Segment, m: Measured, k: int, *, odd: bool) -> Outline | str:
     # Where in the ordered quad each side has come to: order_corners only turns the quad.
     turn = points.index(ordered[0].tolist())
     top, right, bottom, left = seen[turn:] + seen[:turn]
-    whole = not odd and all(seen) and bool(m.refined.from_image[k].all())
+    whole = not odd and all(seen)
     try:
         return Outline.quad(
             ordered,
@@ -203,7 +221,7 @@ def _quad(segment: Segment, m: Measured, k: int, *, odd: bool) -> Outline | str:
             truncated=not all(seen),
             seen=(top, right, bottom, left),
             shape_confidence=float(m.shapes.confidence[k]),
-            form_std_px=float(m.form_std[k]) if whole else None,
+            form_std_px=float(m.quad_form[k]) if whole else None,
         )
     except InputError:
         return "its sides bound no button"

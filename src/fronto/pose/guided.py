@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from fronto.pose.checks import boxes_px
-from fronto.pose.rotation import rotation_exp
+from fronto.pose.rotation import angle_between, rotation_exp
+from fronto.pose.vanishing import AGREES, misses, rotation_of_lines
 from fronto.results import PanelPose
 from fronto.shapes import Axis, FloatArray, LineSegment, Outline
 
-__all__ = ["agreeing_lines", "with_lines"]
+__all__ = ["agreeing_lines", "with_frame", "with_lines"]
 
 #: A segment may miss the predicted direction by this much, and by so many of the prediction's
 #: own deviations, but never by more than the last.
@@ -40,6 +42,15 @@ CHANCE = 0.05
 SHARE, LAST_CHANCE, FREE = 0.4, 0.001, 3
 #: What a rotation is taken for that the buttons alone do not determine (deviation).
 UNSURE_RAD = np.radians(10.0)
+#: A rotation that lines alone make is believed where more of them agree with it than chance would
+#: give with this probability, at least so many of either axis (more where there is one button
+#: only), and this share of their length.
+FRAME_CHANCE, FRAME_LINES, FRAME_SHARE = 1e-4, 2, 0.6
+#: It is another one than the buttons' beyond so many degrees and so many of their deviations, and
+#: the same as the one that both make up to so many degrees.
+FRAME_APART_DEG, FRAME_STD, FRAME_SAME_DEG = 3.0, 3.0, 3.0
+#: What the rotation of lines is taken for (deviation).
+FRAME_RAD = np.radians(0.5)
 #: Step of numerical derivatives, radians.
 STEP = 1e-4
 AXES: tuple[Axis, Axis] = ("horizontal", "vertical")
@@ -89,6 +100,75 @@ def with_lines(
     agree = compared.off < compared.limit
     trusted = agree.any(axis=0).mean() >= SHARE or _chance(compared, FREE) < LAST_CHANCE
     return pose if trusted else alone
+
+
+def with_frame(
+    pose: PanelPose,
+    outlines: Sequence[Outline],
+    ends_px: FloatArray,
+    std_px: float,
+    solve: Callable[[list[LineSegment]], PanelPose],
+) -> PanelPose:
+    """Solve again with the rotation that the segments tell by themselves.
+
+    Outlines that a blurred photo draws out all alike tell a wrong rotation, one button tells
+    none, and no line agrees with either. Where many segments make a rotation of their own, the
+    buttons are asked whether they can be seen from there.
+
+    Parameters
+    ----------
+    pose
+        Of `with_lines`.
+    outlines, ends_px, std_px, solve
+        As of `with_lines`.
+
+    Returns
+    -------
+    The pose with the lines of that rotation where it is "ok"; `pose` itself where it is not, where
+    it is sure and not far from that rotation, or costs less without those lines.
+    """
+    frame = _frame(pose, outlines, ends_px)
+    if frame is None:
+        return pose
+    if pose.status == "ok":
+        std = math.degrees(math.sqrt(float(np.linalg.eigvalsh(pose.covariance)[-1])))
+        apart = math.degrees(angle_between(pose.rotation, frame))
+        if apart <= FRAME_APART_DEG + FRAME_STD * std:
+            return pose
+    near = replace(pose, status="ok", rotation=frame, covariance=FRAME_RAD**2 * np.eye(3))
+    lines = agreeing_lines(near, outlines, ends_px, std_px)
+    found = solve(lines)
+    if found.status != "ok":
+        return pose
+    if math.degrees(angle_between(found.rotation, frame)) > FRAME_SAME_DEG:
+        return pose
+    if pose.status == "ok" and not _cost(found) <= _cost(pose):
+        return pose
+    return found
+
+
+def _cost(pose: PanelPose) -> float:
+    return math.inf if pose.cost is None else pose.cost
+
+
+def _frame(pose: PanelPose, outlines: Sequence[Outline], ends_px: FloatArray) -> FloatArray | None:
+    """The rotation of the segments alone, where they make one that can be believed."""
+    if not len(ends_px) or not outlines or pose.camera.focal_std > 0:
+        return None
+    ends = ends_px[_apart(ends_px, outlines)]
+    ends = ends[_in_model(pose, ends)]
+    straight = pose.camera.undistort_points(ends.reshape(-1, 2)).reshape(-1, 2, 2)
+    rotation = rotation_of_lines(straight, pose.camera)
+    if rotation is None:
+        return None
+    agree = misses(rotation[None], straight, pose.camera)[0] < AGREES
+    either = agree.any(axis=0)
+    length = np.hypot(*(straight[:, 1] - straight[:, 0]).T)
+    enough = agree.sum(axis=1).min() >= FRAME_LINES + (len(outlines) == 1)
+    if not enough or length[either].sum() < FRAME_SHARE * length.sum():
+        return None
+    by_chance = _more(int(either.sum()) - FREE, 4 * AGREES / np.pi * len(straight))
+    return rotation if by_chance < FRAME_CHANCE else None
 
 
 def agreeing_lines(
@@ -146,7 +226,11 @@ def _compared(pose: PanelPose, outlines: Sequence[Outline], ends_px: FloatArray)
 def _chance(compared: _Compared, free: int = 0) -> float:
     """Probability that so many agree, less the `free` ones, if they ran anyhow (Poisson)."""
     count = int((compared.off < compared.limit).any(axis=0).sum()) - free
-    expected = float((2 * compared.limit / np.pi).sum())
+    return _more(count, float((2 * compared.limit / np.pi).sum()))
+
+
+def _more(count: int, expected: float) -> float:
+    """Probability of so many or more where this many are expected (Poisson)."""
     fewer = (math.exp(k * math.log(expected) - expected - math.lgamma(k + 1)) for k in range(count))
     return 1.0 - sum(fewer)
 

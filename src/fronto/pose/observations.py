@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,6 +22,9 @@ TOLERANCE = 0.004
 
 #: How far a corner that is not seen may be from where the outline has it, in button sizes.
 UNSEEN = 0.5
+#: Forms are so many times as much alike as outlines are in all: a blur draws the buttons of a photo
+#: out to the same side, and leaves them where they are.
+FORMS_ALIKE = 3.0
 #: Sides of a quad: from which corner to which, and what they are on the wall.
 _SIDES: tuple[tuple[int, int, Axis], ...] = (
     (0, 1, "horizontal"),
@@ -69,6 +73,7 @@ def observations(
     camera: Camera,
     lines: Sequence[LineSegment] = (),
     tolerance: float = TOLERANCE,
+    correlation: float = 0.0,
 ) -> Observations:
     """Normalise and whiten what was seen.
 
@@ -80,6 +85,9 @@ def observations(
         Axis-parallel segments in the photo; their lens distortion is removed here.
     tolerance
         Deviation of real corners from ideal ones, in button sizes.
+    correlation
+        Share of the outlines' variance that is common to all of them. Of n forms that err alike
+        each counts for less.
 
     Raises
     ------
@@ -96,6 +104,7 @@ def observations(
     size = np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
     std = np.hypot([o.std_px for o in outlines], tolerance * size)
     inverse_sd, gain = np.zeros((n, TANGENTS)), np.ones(n)
+    alike = math.sqrt(1 + min(1.0, FORMS_ALIKE * correlation) * (n - 1))
 
     quads = np.flatnonzero(kind == QUAD)
     if len(quads):
@@ -107,9 +116,7 @@ def observations(
         sd = np.where(whole, std[quads, None], np.hypot(std, UNSEEN * size)[quads, None])
         inverse_sd[quads, :4] = focal / sd
         for i in quads[whole.all(axis=1)].tolist():
-            form = outlines[i].form_std_px
-            if form is not None:
-                gain[i] = max(1.0, std[i] / float(np.hypot(form, tolerance * size[i])))
+            gain[i] = _gain(outlines[i], std[i], tolerance * size[i], alike)
 
     ellipses = np.flatnonzero(kind == ELLIPSE)
     if len(ellipses):
@@ -123,6 +130,8 @@ def observations(
         # Eight tangents of σ' each fix the centre to σ'√(2/8): whitened so that the
         # centre comes out with the outline's deviation.
         inverse_sd[ellipses] = (focal / (std[ellipses] * np.sqrt(TANGENTS / 2)))[:, None]
+        for i in ellipses.tolist():
+            gain[i] = _gain(outlines[i], std[i], tolerance * size[i], alike)
 
     middle = affine @ boxes.reshape(-1, 2).mean(axis=0) + shift
     pivot = (float(middle[0]), float(middle[1]))
@@ -154,6 +163,16 @@ def observations(
         np.array(line_isd),
         keyhole,
     )
+
+
+def _gain(outline: Outline, std: float, tolerance_px: float, alike: float) -> float:
+    """How many times surer than its place and size an outline's form is.
+
+    The form's deviation counts `alike` times, as others of the photo err with it.
+    """
+    if outline.form_std_px is None:
+        return 1.0
+    return max(1.0, std / (alike * math.hypot(outline.form_std_px, tolerance_px)))
 
 
 def _sides(outlines: Sequence[Outline]) -> list[LineSegment]:

@@ -50,6 +50,11 @@ MISFIT = 2.0
 #: What a button on no row (or column) costs when readings of the lattice are compared, in
 #: χ²: about as much as one that is on the wrong one.
 UNTIED = 30.0
+#: What each button counts for, in χ², that lies on a row or column which others have settled: so
+#: unlikely is it by chance. Where more than that is lost by tying them, there are no rows.
+TIED = 9.0
+#: What else may be tied than rows and columns (1 and 0): one of them, or nothing.
+FEWER: tuple[tuple[int, ...], ...] = ((0,), (1,), ())
 #: What one more size group has to gain, in χ².
 GROUP_GAIN = 10.0
 #: Deviations of χ² above its expectation that show a contradiction.
@@ -197,20 +202,34 @@ def _with_structure(
         # measured on the bent plane does not show it, but it does not fit either.
         for group in lattice_groups(seen, best[1]):
             best = min(best, _settled(seen, group, best[2], shared), key=lambda item: item[0])
+    _, model, solutions = best
+    if shared.template is None and solutions[0].cost > _expected(seen, model):
+        # Two columns of which one is a little higher have no rows, and bend the pose if tied.
+        for axes in FEWER if _ties(model) else ():
+            other = _settled(seen, model.group.astype(np.intp), found, shared, axes, model)
+            best = min(best, other, key=lambda item: item[0])
     return best
 
 
 def _settled(
-    seen: Observations, group: GroupArray, found: list[Solution], shared: _Shared
+    seen: Observations,
+    group: GroupArray,
+    found: list[Solution],
+    shared: _Shared,
+    axes: Sequence[int] = (0, 1),
+    instead: Model | None = None,
 ) -> _Scored:
-    """Find rows and columns again until they stay, with the buttons' sizes in these groups."""
+    """Find rows and columns again until they stay, with the buttons' sizes in these groups.
+
+    With `axes` only those are tied, `instead` of what another model ties.
+    """
     base = base_model(seen, group, shared.square, shared.focal_isd)
     base = replace(base, line_c2=shared.line_c2)
     penalty = GROUP_GAIN * (len(base.square_isd) - 1)
     best: _Scored = (np.inf, base, found)
     starts, tried = found, []
     for _ in range(3):
-        tied, extra = _tied(base, starts[0], shared)
+        tied, extra = _tied(base, starts[0], shared, axes)
         if tied.tie_index.tobytes() in tried:
             break
         tried.append(tied.tie_index.tobytes())
@@ -218,7 +237,9 @@ def _settled(
         if not solutions:
             break
         score = solutions[0].cost + penalty
-        score += UNTIED * np.count_nonzero(tied.tie_index[:, ::2] < 0)
+        full = instead or tied
+        score += UNTIED * np.count_nonzero(full.tie_index[:, ::2] < 0)
+        score += TIED * (_ties(full) - _ties(tied))
         if _mostly_circles(seen):
             score += (_roll(solutions[0].rotation) / UPRIGHT_RAD) ** 2
         best = min(best, (score, tied, solutions), key=lambda item: item[0])
@@ -229,16 +250,27 @@ def _settled(
     return best
 
 
+def _ties(model: Model) -> int:
+    """How many buttons lie on rows and columns, but for the one that settles each of them."""
+    return int(np.count_nonzero(model.tie_index[:, ::2] >= 0)) - model.latents
+
+
+def _expected(seen: Observations, model: Model) -> float:
+    """About what a solution costs whose rows and columns are some."""
+    return float(freedom(seen).sum()) + _ties(model)
+
+
 def _tied(
     base: Model,
     solution: Solution,
     shared: _Shared,
+    axes: Sequence[int],
 ) -> tuple[Model, FloatArray | None]:
     # The base model may have other groups than the one that was solved: the first will do.
     width = float(np.exp(solution.parameters[FIRST_GROUP : FIRST_GROUP + 2].mean()))
     if shared.template is not None:
         return templated_model(base, solution.xy, width, shared.template)
-    return (tied_model(base, solution.xy, width) if shared.aligned else base), None
+    return (tied_model(base, solution.xy, width, axes) if shared.aligned else base), None
 
 
 def _solve_tied(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -82,7 +83,7 @@ def typical_width(model: Model, solution: Solution) -> float:
     return float(np.exp(middle(widths[model.group])))
 
 
-def tied_model(model: Model, xy: FloatArray, width: float) -> Model:
+def tied_model(model: Model, xy: FloatArray, width: float, axes: Sequence[int] = (0, 1)) -> Model:
     """Tie buttons of one column to a common x and of one row to a common y.
 
     Parameters
@@ -91,13 +92,15 @@ def tied_model(model: Model, xy: FloatArray, width: float) -> Model:
         (n, 2): where the buttons are, from the pivot, in units of its depth.
     width
         Of a typical button, in the same units.
+    axes
+        0: tie columns, 1: tie rows.
     """
     n = len(model.group)
     tie_index = np.full((n, 4), -1, dtype=np.intc)
     tie_coef, tie_isd = np.zeros((n, 4)), np.zeros((n, 2))
     latents = 0
     room = MAX_GLOBALS - model.size
-    for axis in range(2):
+    for axis in axes:
         labels = chains(xy[:, axis], ALIGN_GAP * width)
         sizes = np.bincount(labels)
         # A row of one ties nothing.

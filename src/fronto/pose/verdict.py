@@ -22,9 +22,8 @@ __all__ = ["Verdict", "covariance", "judge", "line_weights", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
-#: Of more buttons than `SMALL_PANEL`: they check each other, and their deviations, which say how
-#: far the outlines may be off in the same way, are larger than the errors.
-OK_STD_MANY_RAD = np.radians(3.0)
+#: Where lines agree: they check the buttons, and their deviations allow for trims that slant.
+OK_STD_LINED_RAD, FEW_LINES = np.radians(4.0), 2
 #: The same with the focal length unknown: the angles are less sure than the picture is.
 OK_STD_UNKNOWN_FOCAL_RAD = np.radians(6.0)
 #: Beyond this the outlines do not determine the rotation.
@@ -35,6 +34,8 @@ RIVAL_WITH_OUTLIERS = 40.0
 SMALL_PANEL = 4
 #: So many lines that agree with the buttons make up for there being few of them.
 ENOUGH_LINES = 4
+#: They make up for an unknown focal length, too, where they hold the rotation to this.
+LINED_STD_RAD = np.radians(3.0)
 #: Two buttons leave so little to spare that noise alone now and then prefers a wrong pose.
 RIVAL_OF_TWO = 15.0
 #: Squared deviations (three degrees of freedom) that the covariance speaks for.
@@ -48,6 +49,8 @@ MIXED_STD_RAD = np.radians(1.5)
 MIXED_SHARE = 0.25
 #: Residuals larger than this share of the button's size: no flat panel fits.
 BAD_FIT = 0.07
+#: The same where lines hold the rotation: what the outlines miss may be anything.
+BAD_FIT_HELD = 0.2
 #: So do residuals this many times the stated deviations.
 BAD_FACTOR = 5.0
 #: Rolls beyond this are more likely a wrong corner order or a photo to be turned.
@@ -153,14 +156,15 @@ def judge(
     split = small and len(adjustment.model.square_isd) > len(kinds)
     limit = RIVAL_WITH_OUTLIERS if conflict or split else RIVAL_OF_TWO if n <= 2 else RIVAL
     limit *= adjustment.common
-    # Of one button the mirrored pose is always told.
+    std, std_given_focal = rotation_std(best, cov)
+    held = std_given_focal <= OK_STD_RAD and _held(adjustment, best)
+    # Of one button the mirrored pose is always told, unless lines tell it apart.
     rivals = tuple(
         k
         for k, other in enumerate(adjustment.solutions[1:], 1)
-        if n == 1
+        if (n == 1 and not held)
         or (other.cost - best.cost < limit and not _covered(other.rotation, best.rotation, cov))
     )
-    std, std_given_focal = rotation_std(best, cov)
     if not std < DETERMINED_STD_RAD:
         return Verdict("degenerate", (_undetermined(n),), rivals)
 
@@ -171,9 +175,10 @@ def judge(
         reasons.append("two poses fit about as well: tilted to one side or to the other")
     if adjustment.model.scale_latent >= 0:
         reasons += contradictions(adjustment.model, best)
-    if adjustment.other_roll is not None:
+    if adjustment.other_roll is not None and not held:
         reasons.append("round buttons whose rows and columns cannot be told apart")
-    enough = OK_STD_RAD if small else OK_STD_MANY_RAD
+    agreeing = _agreeing_lines(adjustment, best)
+    enough = OK_STD_LINED_RAD if agreeing >= FEW_LINES else OK_STD_RAD
     if std_given_focal > enough or std > OK_STD_UNKNOWN_FOCAL_RAD:
         reasons.append(
             f"rotation known to ±{np.degrees(std):.1f}° only: the buttons are too small in the "
@@ -190,11 +195,11 @@ def judge(
         reasons.append(f"the focal length does not show: the aspect may be off by {off:.0f} %")
     focal_isd = adjustment.model.focal_isd  # weighed up by the common errors, as lines are
     focal_std = np.sqrt(adjustment.common) / focal_isd if focal_isd > 0 else 0.0
-    lined = std_given_focal <= OK_STD_RAD and _agreeing_lines(adjustment, best) >= ENOUGH_LINES
-    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not (lined and std <= OK_STD_RAD):
+    lined = std_given_focal <= OK_STD_RAD and agreeing >= ENOUGH_LINES
+    if n <= SMALL_PANEL and focal_std > FOCAL_OBSERVABLE and not (lined and std <= LINED_STD_RAD):
         reasons.append("the focal length is not known, and too few buttons to tell it")
     few = n == 2 or split or QUAD not in kinds
-    if n > 1 and (n - aside < 2 or (conflict and few)):
+    if n > 1 and not held and (n - aside < 2 or (conflict and few)):
         reasons.append("the outlines contradict each other and are too few to tell which is wrong")
     elif aside > n / 3 and n > 2:
         reasons.append(f"{aside} of {n} outlines do not lie on one plane with the others")
@@ -202,7 +207,9 @@ def judge(
         not (small or lined) and adjustment.sigma_factor > 1 and _above(adjustment) > CONTRADICTION
     ):
         reasons.append("the outlines do not fit one flat panel of such buttons in rows and columns")
-    if missed_px > BAD_FIT * float(middle(size_px)) or adjustment.sigma_factor > BAD_FACTOR:
+    missed = missed_px / float(middle(size_px))
+    bad_fit = missed > BAD_FIT or adjustment.sigma_factor > BAD_FACTOR
+    if bad_fit and not (held and missed < BAD_FIT_HELD):
         reasons.append(
             f"the outlines miss a flat panel by {missed_px:.1f} px: wrong outlines"
             + (", a wrong template" if adjustment.model.scale_latent >= 0 else "")
@@ -219,6 +226,18 @@ def _agreeing_lines(adjustment: Adjustment, solution: Solution) -> int:
     if not len(adjustment.seen.axis):
         return 0
     return int((line_weights(adjustment, solution) > SET_ASIDE).sum())
+
+
+def _held(adjustment: Adjustment, solution: Solution) -> bool:
+    """Whether lines alone hold the rotation: enough that agree, and some of either axis.
+
+    Two vanishing points do so where the focal length is known.
+    """
+    axis = adjustment.seen.axis
+    if not len(axis) or adjustment.model.focal_isd > 0:
+        return False
+    agree = axis[line_weights(adjustment, solution) > SET_ASIDE]
+    return len(agree) >= ENOUGH_LINES and 0 < int(agree.sum()) < len(agree)
 
 
 def _mixed(seen: Observations) -> bool:
