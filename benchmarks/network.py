@@ -95,6 +95,8 @@ def speed(weights: Path, runs: int) -> dict[str, float]:
     for threads in (1, 2):
         median, best = network_ms(Engine(weights, threads=threads), runs)
         result |= {f"network_{threads}_ms": median, f"network_{threads}_best_ms": best}
+        median, best = network_ms(Engine(weights, threads=threads, int8=False), runs)
+        result |= {f"floats_{threads}_ms": median, f"floats_{threads}_best_ms": best}
     whole = times_ms(lambda k: segment(photos[k % len(photos)], engine=engine), runs)
     result["segment_ms"], result["segment_best_ms"] = whole
     return result
@@ -110,8 +112,9 @@ def peak_memory_mb(weights: Path) -> float:
 
 
 def companions(weights: Path) -> dict[str, Path]:
-    """The heads that lie beside a network's file, by what they are called."""
+    """What lies beside a network's file, by what it is called."""
     found = {
+        "in 8 bits": find_companion(weights, "int8"),
         "relation head": find_companion(weights),
         "mask head": find_companion(weights, "masks"),
     }
@@ -136,7 +139,8 @@ def parity(weights: Path) -> dict[str, float]:
     from fronto.train.validate import TorchEngine
 
     photos = np.stack([photo.image for photo in renders(2)])
-    ours, theirs = Engine(weights).run(photos), TorchEngine(load_onnx(weights)).run(photos)
+    ours = Engine(weights, int8=False).run(photos)
+    theirs = TorchEngine(load_onnx(weights)).run(photos)
     names = [name for name in vars(theirs) if getattr(theirs, name) is not None]
     pairs = {name: (getattr(ours, name), getattr(theirs, name)) for name in names}
     a, b = pairs.pop("sides")

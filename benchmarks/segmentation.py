@@ -178,7 +178,9 @@ def speed_text(figures: dict[str, float]) -> str:
         }
         for name, key in (
             ("network and heads, 1 thread", "network_1"),
+            ("the same with floats", "floats_1"),
             ("network and heads, 2 threads", "network_2"),
+            ("the same with floats", "floats_2"),
             ("whole `segment()`, 2 threads", "segment"),
         )
     ]
@@ -191,12 +193,31 @@ def speed_text(figures: dict[str, float]) -> str:
     )
 
 
+def int8_text(ours: dict[str, SegmentationReport], floats: dict[str, SegmentationReport]) -> str:
+    """What the network in 8 bits loses against itself with floats."""
+    rows = []
+    for name, reports in (("in 8 bits", ours), ("with floats", floats)):
+        panels, annotated = reports["panels"], reports["annotated"]
+        rows.append(
+            {
+                "network": name,
+                "panels: recall": f"{panels.buttons.recall:.3f}",
+                "precision": f"{panels.buttons.precision:.3f}",
+                "missing labels known": f"{panels.buttons_reviewed.precision:.3f}",
+                "plates as buttons": f"{100 * panels.plates_as_buttons:.1f} %",
+                "annotated: F1": f"{annotated.buttons.f1:.3f}",
+                "median IoU": f"{annotated.iou_quartiles[1]:.3f}",
+            }
+        )
+    return markdown_table(rows)
+
+
 def write(root: Path, record: dict[str, Any], texts: dict[str, str]) -> None:
     out = root / "benchmarks" / "results" / "segmentation.json"
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_bytes(json_bytes(rounded(record)))
     page = root / "docs" / "segmentation.md"
-    for name in ("targets", "panels", "annotated", "renders", "speed"):
+    for name in ("targets", "panels", "annotated", "renders", "int8", "speed"):
         write_between(page, name, texts[name])
     write_between(root / "README.md", "bench:segmentation", texts["targets"])
     card = root / "src" / "fronto" / "weights" / "MODEL_CARD.md"
@@ -226,6 +247,23 @@ def main() -> None:
         images = read_annotated(arguments.data / "annotated")[:most]
         annotated, _ = evaluated(images, engine, by="mask")
         texts["annotated"] = outlines_text(annotated)
+    if panels is not None and annotated is not None:
+        floats = Engine(weights, int8=False)
+        kinds = {
+            "panels": {"by": "box", "missing": panels_missing()},
+            "annotated": {"by": "mask"},
+        }
+        photos = {
+            "panels": read_panels(arguments.data / "panels", "valid")[:most],
+            "annotated": read_annotated(arguments.data / "annotated")[:most],
+        }
+        others = {
+            name: evaluate_segmentation(
+                photos[name], lambda image: segment(image.path, engine=floats), **kinds[name]
+            )
+            for name in kinds
+        }
+        texts["int8"] = int8_text({"panels": panels, "annotated": annotated}, others)
     reached = targets(panels, annotated, rendered, figures)
     machine = describe_machine()
     table = markdown_table([target.row() for target in reached])

@@ -26,6 +26,7 @@ COMMANDS = (
     "camera",
     "train",
     "export",
+    "quantize",
     "relations",
     "masks",
     "evaluate",

@@ -1,4 +1,4 @@
-"""Heads: small networks whose files lie beside the network's that they are for."""
+"""Files beside a network's: heads, which are small networks for it, and it itself in 8 bits."""
 
 from __future__ import annotations
 
@@ -9,30 +9,36 @@ from fronto.engine.onnxfile import OnnxFile
 from fronto.errors import InputError
 
 __all__ = [
-    "HeadKind",
+    "QUANTIZED_OF",
+    "CompanionKind",
     "check_companion",
     "companion_stem",
     "find_companion",
     "replace_companion",
 ]
 
-#: Which heads there are: of finds (`fronto.relations`), of their masks (`fronto.maskhead`), and of
-#: labels (`fronto.labels.context`).
-HeadKind = Literal["relations", "masks", "context"]
+#: What there is: heads of finds (`fronto.relations`), of their masks (`fronto.maskhead`), of labels
+#: (`fronto.labels.context`), and the network itself with whole numbers (`fronto.train.quantize`).
+CompanionKind = Literal["relations", "masks", "context", "int8"]
 
 
-def companion_stem(network: Path, kind: HeadKind = "relations") -> str:
-    """Beginning of the name of a network's head, up to its digits."""
+#: Metadata key of a network in 8 bits: the file that it was made from ("network" is its options).
+QUANTIZED_OF = "quantized_of"
+
+
+def companion_stem(network: Path, kind: CompanionKind = "relations") -> str:
+    """Beginning of the name of a file beside a network's, up to its digits."""
     return f"{network.stem}.{kind}"
 
 
-def find_companion(network: Path, kind: HeadKind = "relations") -> Path | None:
-    """The head that lies beside a network's file; None where there is none.
+def find_companion(network: Path, kind: CompanionKind = "relations") -> Path | None:
+    """The file of a kind that lies beside a network's; None where there is none.
 
     The relation head of ``fronto-seg-1a2b3c4d.onnx`` is
     ``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, its mask head
     ``fronto-seg-1a2b3c4d.masks-5e6f7a8b.onnx``; the context head of a reader's
-    ``fronto-read-1a2b3c4d.onnx`` is ``fronto-read-1a2b3c4d.context-5e6f7a8b.onnx``.
+    ``fronto-read-1a2b3c4d.onnx`` is ``fronto-read-1a2b3c4d.context-5e6f7a8b.onnx``; the network in
+    8 bits is ``fronto-seg-1a2b3c4d.int8-5e6f7a8b.onnx``.
 
     Raises
     ------
@@ -55,25 +61,27 @@ def find_companion(network: Path, kind: HeadKind = "relations") -> Path | None:
     return found[0] if found else None
 
 
-def check_companion(file: OnnxFile, network: str) -> None:
-    """Check that a head is for the network that begins so (eight digits of its SHA-256).
+def check_companion(file: OnnxFile, network: str, key: str = "network") -> None:
+    """Check that a file is for the network that begins so (eight digits of its SHA-256).
+
+    It says so in its metadata, under this key.
 
     Raises
     ------
     InputError
         If it is for another one.
     """
-    made_for = file.metadata.get("network", "")
+    made_for = file.metadata.get(key, "")
     if made_for != network:
         raise InputError(
-            f"{file.thing}, network",
-            f"expected a head for {network}, got one for {made_for or 'none'}",
-            "train one for this network, or delete the file to do without",
+            f"{file.thing}, {key}",
+            f"expected one for {network}, got one for {made_for or 'none'}",
+            "make one for this network, or delete the file to do without",
         )
 
 
 def replace_companion(path: Path, stem: str) -> None:
-    """Delete the other heads of the kind of a new one, whose name begins so, beside it."""
+    """Delete the other files of the kind of a new one, whose name begins so, beside it."""
     for old in path.parent.glob(f"{stem}-*.onnx"):
         if old != path:
             old.unlink()

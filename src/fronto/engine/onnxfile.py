@@ -19,7 +19,15 @@ from fronto.cores import usable_cores
 from fronto.errors import InputError
 from fronto.files import read_bytes
 
-__all__ = ["FLOATS", "OnnxFile", "Sizes", "checked_bytes", "find_weights"]
+__all__ = [
+    "FLOATS",
+    "OnnxFile",
+    "Sizes",
+    "checked_bytes",
+    "file_digest",
+    "find_weights",
+    "on_processor",
+]
 
 #: Far above any network that would be usable on a processor; ONNX itself ends at 2 GB.
 MAX_BYTES = 1_000_000_000
@@ -74,9 +82,7 @@ class OnnxFile:
         self.path = path
         self.threads = usable_cores() if threads is None else _check_threads(threads)
         self.thing = f"weights {path}"
-        content = read_bytes(path, self.thing, MAX_BYTES)
-        self.digest = hashlib.sha256(content).hexdigest()[:8]
-        _check_hash(self.digest, path.name, self.thing)
+        content, self.digest = _checked_file(path)
         self._session = _session(content, self.threads, _providers(providers), self.thing)
         self.metadata: Mapping[str, str] = MappingProxyType(
             dict(self._session.get_modelmeta().custom_metadata_map)
@@ -249,6 +255,31 @@ def find_weights(folder: Traversable | None = None, *, stem: str = "fronto-seg")
             "install fronto again, or name a file of your own",
         )
     return Path(fitting[0])
+
+
+def file_digest(path: Path) -> str:
+    """First eight hexadecimal digits of the SHA-256 of a network's file, which is not loaded.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is another one than its name says.
+    """
+    return _checked_file(path)[1]
+
+
+def on_processor(providers: Sequence[str] | None) -> bool:
+    """Whether these are ONNX Runtime's names of the processor, and of nothing else."""
+    return providers is None or providers == CPU or list(providers) == [CPU]
+
+
+def _checked_file(path: Path) -> tuple[bytes, str]:
+    """What is in a network's file, and its digest, which its name may say."""
+    thing = f"weights {path}"
+    content = read_bytes(path, thing, MAX_BYTES)
+    digest = hashlib.sha256(content).hexdigest()[:8]
+    _check_hash(digest, path.name, thing)
+    return content, digest
 
 
 def _fits(sizes: Sequence[int | str | None], shape: Sizes) -> bool:
