@@ -513,9 +513,35 @@ def test_looks_contradict_beyond_their_deviations(seen, degrees, std_deg, expect
     panel = seen[1]
     first = posed(panel, 0.0, std_deg)
     assert contradicts(posed(panel, degrees, std_deg), first) is expected
-    # One that is not sure of itself contradicts nothing.
-    assert not contradicts(posed(panel, degrees, std_deg, "uncertain"), first)
+    # So does one that is not sure of itself, but not one without a rotation.
+    assert contradicts(posed(panel, degrees, std_deg, "uncertain"), first) is expected
+    assert not contradicts(posed(panel, degrees, std_deg, "degenerate"), first)
+    # The focal length and the tilt trade off.
+    guessed = replace(first, pose=replace(first.pose, focal_std=0.1))
+    assert not contradicts(posed(panel, 30.0, std_deg, "uncertain"), guessed)
+    # What is not trusted anyway need not be contradicted.
     assert not contradicts(posed(panel, degrees, std_deg), posed(panel, 0.0, std_deg, "uncertain"))
+
+
+def test_with_an_estimated_focal_length_what_is_seen_counts(seen):
+    panel = seen[1]
+
+    def turned(about: int, degrees: float) -> Panel:
+        angles = [0.0, 0.0, 0.0]
+        angles[about] = np.radians(degrees)
+        other = posed(panel, 0.0, 0.1)
+        camera = panel.pose.camera.with_focal(panel.pose.camera.focal_px, 0.1, "estimated")
+        rotation = rotation_from_angles(*angles) @ other.pose.rotation
+        return replace(
+            other, pose=replace(other.pose, rotation=rotation, camera=camera, focal_std=0.1)
+        )
+
+    first = turned(2, 0.0)
+    # Rows that run elsewhere; a tilt that shows little in them is the focal length's as well.
+    assert contradicts(turned(2, 4.0), first)
+    assert not contradicts(turned(2, 2.0), first)
+    assert contradicts(turned(1, 4.0), replace(first, pose=replace(first.pose, focal_std=0.0)))
+    assert not contradicts(turned(1, 4.0), first)
 
 
 @pytest.mark.parametrize("better_one", [True, False])
@@ -531,7 +557,7 @@ def test_a_contradicted_result_is_not_trusted(seen, monkeypatch, better_one):
         solve=lambda photo, outlines, camera: next(answers),
     )
     found = rectifier(GREY)
-    # Where the second look fits worse, it is none to go by, and says nothing against the first.
-    assert found.status == found.pose.status == ("uncertain" if better_one else "ok")
-    assert bool(found.reasons) is better_one
+    # Whichever of them fits better.
+    assert found.status == found.pose.status == "uncertain"
+    assert len(found.reasons) == 1
     np.testing.assert_array_equal(found.pose.rotation, panel.pose.rotation)

@@ -224,10 +224,10 @@ class Rectifier:
             second = self._solve(photo, again, camera)
         except InputError:  # a wrong pose shows nothing that could be looked at
             return first
-        if not better(second, first):
-            return first
         if contradicts(second, first):
             return _doubted(first, CONTRADICTED)
+        if not better(second, first):
+            return first
         return found_by_itself(second, again)
 
     def find(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from fronto.errors import InputError
 from fronto.outlines import Outlines
 from fronto.outlines.agreement import at_odds, doubles
+from fronto.pose.guided import axis_direction, wrapped
 from fronto.pose.rotation import angle_between
 from fronto.results import Panel, RectifiedView
 from fronto.segments import Segments
@@ -38,9 +39,9 @@ PAID = 1.1
 #: So they are by a status that is "ok" now, where at least this share of the buttons still agrees.
 CLEARED = 0.75
 #: Two looks contradict each other where their rotations differ by this many of their deviations
-#: together, and by this many degrees; by so many where the focal length is estimated along: it
-#: and the tilt trade off along poses that rectify alike.
-APART, APART_DEG, APART_UNKNOWN_FOCAL_DEG = 3.0, 3.0, 12.0
+#: together, and by this many degrees. Where the focal length is estimated along, it and the tilt
+#: trade off along poses that rectify alike: rows and columns have to be seen so far apart.
+APART, APART_DEG = 3.0, 3.0
 
 Photo = npt.NDArray[np.uint8]
 
@@ -109,14 +110,30 @@ def better(again: Panel, first: Panel) -> bool:
 
 
 def contradicts(again: Panel, first: Panel) -> bool:
-    """Whether two looks that are both sure of themselves tell different rotations."""
-    if not again.status == first.status == "ok":
+    """Whether another look tells another rotation than one that is sure of itself.
+
+    It may be less sure; but where the focal length is estimated along, it has to be as sure.
+    """
+    estimated = first.pose.focal_std > 0
+    if first.status != "ok" or again.status not in ("ok", *([] if estimated else ["uncertain"])):
         return False
+    if estimated:
+        return _seen_apart(again, first) > math.radians(APART_DEG)
     apart = angle_between(again.pose.rotation, first.pose.rotation)
     variance = sum(float(np.linalg.eigvalsh(p.pose.covariance)[-1]) for p in (again, first))
-    estimated = first.pose.focal_std > 0
-    least = APART_UNKNOWN_FOCAL_DEG if estimated else APART_DEG
-    return apart > max(APART * math.sqrt(variance), math.radians(least))
+    return apart > max(APART * math.sqrt(variance), math.radians(APART_DEG))
+
+
+def _seen_apart(again: Panel, first: Panel) -> float:
+    """Angle between the rows, or columns, of two poses in the photo, at the median button."""
+    places = np.array([button.outline.center_px for button in first.buttons])
+    off = []
+    for axis in range(2):
+        here, there = (
+            axis_direction(p.pose, p.pose.rotation, places, axis) for p in (again, first)
+        )
+        off.append(np.abs(wrapped(here - there)))
+    return float(np.median(np.max(off, axis=0)))
 
 
 def _sides(outline: Outline) -> FloatArray:

@@ -20,7 +20,7 @@ from fronto.pose.vanishing import AGREES, misses, rotation_of_lines
 from fronto.results import PanelPose
 from fronto.shapes import Axis, FloatArray, LineSegment, Outline
 
-__all__ = ["agreeing_lines", "with_frame", "with_lines"]
+__all__ = ["agreeing_lines", "axis_direction", "with_frame", "with_lines", "wrapped"]
 
 #: A segment may miss the predicted direction by this much, and by so many of the prediction's
 #: own deviations, but never by more than the last.
@@ -218,7 +218,7 @@ def _compared(pose: PanelPose, outlines: Sequence[Outline], ends_px: FloatArray)
     limit = np.empty((2, len(ends)))
     for k in range(2):
         predicted, deviation = _predicted(pose, middle, k)
-        off[k] = np.abs(_wrapped(np.arctan2(along[:, 1], along[:, 0]) - predicted))
+        off[k] = np.abs(wrapped(np.arctan2(along[:, 1], along[:, 0]) - predicted))
         limit[k] = np.minimum(OFF_RAD + OFF_STD * deviation, MOST_RAD)
     return _Compared(ends, off, limit)
 
@@ -257,9 +257,9 @@ def _in_model(pose: PanelPose, ends: FloatArray) -> FloatArray:
 
 def _predicted(pose: PanelPose, middle: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
     """Direction (n,) towards the axis' vanishing point at (n, 2), and its deviation, radians."""
-    here = _direction(pose, pose.rotation, middle, axis)
+    here = axis_direction(pose, pose.rotation, middle, axis)
     turns = [
-        _wrapped(_direction(pose, pose.rotation @ rotation_exp(step), middle, axis) - here)
+        wrapped(axis_direction(pose, pose.rotation @ rotation_exp(step), middle, axis) - here)
         for step in STEP * np.eye(3)
     ]
     jacobian = np.stack(turns, axis=1) / STEP
@@ -269,13 +269,19 @@ def _predicted(pose: PanelPose, middle: FloatArray, axis: int) -> tuple[FloatArr
     return here, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _direction(pose: PanelPose, rotation: FloatArray, middle: FloatArray, axis: int) -> FloatArray:
+def axis_direction(
+    pose: PanelPose, rotation: FloatArray, middle: FloatArray, axis: int
+) -> FloatArray:
+    """Direction (n,), radians, of the panel's x or y axis (0, 1) where it is seen at (n, 2) pixels.
+
+    Of the pose's camera without its lens distortion, and of another rotation of it.
+    """
     # Of a vanishing point v, homogeneous, which may be at infinity.
     v = pose.camera.matrix @ rotation[axis]
     toward = v[:2] - middle * v[2]
     return np.asarray(np.arctan2(toward[:, 1], toward[:, 0]))
 
 
-def _wrapped(angle: FloatArray) -> FloatArray:
+def wrapped(angle: FloatArray) -> FloatArray:
     """Angles of lines, which have no direction: to -90 to 90 degrees."""
     return np.asarray((angle + np.pi / 2) % np.pi - np.pi / 2)
