@@ -33,7 +33,8 @@ def test_form_by_hand():
 
     assert gains() == [1, 1]
     # The tolerance, 0.4 px of 40, is in both.
-    assert gains(form_std_px=0.3)[0] == pytest.approx(np.hypot(2, 0.4) / 0.5)
+    # And of two outlines three tenths of the variance are common.
+    assert gains(form_std_px=0.3)[0] == pytest.approx(np.hypot(2, 0.4) / 0.5 / np.sqrt(1.3))
     assert gains(form_std_px=5.0) == [1, 1]
     assert gains(form_std_px=0.3, seen=(True, True, True, False)) == [1, 1]
 
@@ -44,18 +45,19 @@ def test_the_form_of_circles_by_hand():
         return observations([circle] * 5, CAMERA, tolerance=0.01).gain.tolist()
 
     assert gains() == [1] * 5
-    assert gains(form_std_px=0.3) == pytest.approx([np.hypot(2, 0.4) / 0.5] * 5)
+    alike = np.sqrt(1 + 0.3 * 4)
+    assert gains(form_std_px=0.3) == pytest.approx([np.hypot(2, 0.4) / 0.5 / alike] * 5)
 
 
 def test_forms_that_err_alike_count_less():
-    def gain(count, correlation):
+    def gain(count):
         circle = Outline.ellipse(100, 100, 20, 20, std_px=2.0, form_std_px=0.3)
-        seen = observations([circle] * count, CAMERA, tolerance=0.0, correlation=correlation)
-        return seen.gain[0]
+        return observations([circle] * count, CAMERA, tolerance=0.0).gain[0]
 
-    assert gain(1, 0.1) == gain(8, 0.0) == pytest.approx(2 / 0.3)
-    assert gain(8, 0.1) < gain(2, 0.1) < gain(1, 0.1)
-    assert gain(1000, 0.5) == 1
+    assert gain(1) == pytest.approx(2 / 0.3)
+    assert gain(8) < gain(2) < gain(1)
+    # Never less sure than all of it.
+    assert gain(1000) == 1
 
 
 def test_lines_by_hand():

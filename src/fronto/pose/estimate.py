@@ -113,7 +113,7 @@ def estimate_pose(
     flat = undistorted(outlines, camera)
     if solver == "grid":
         return _grid_pose(flat, camera, grid)
-    seen = observations(flat, camera, lines, tolerance, correlation)
+    seen = observations(flat, camera, lines, tolerance)
     matched = None if template is None else match_template(template, outlines)
     adjustment = adjust(
         seen,

@@ -22,9 +22,9 @@ TOLERANCE = 0.004
 
 #: How far a corner that is not seen may be from where the outline has it, in button sizes.
 UNSEEN = 0.5
-#: Forms are so many times as much alike as outlines are in all: a blur draws the buttons of a photo
-#: out to the same side, and leaves them where they are.
-FORMS_ALIKE = 3.0
+#: Share of the variance of forms that the buttons of a photo have in common: a blur draws all of
+#: them out to the same side, and leaves them where they are.
+FORMS_ALIKE = 0.3
 #: Sides of a quad: from which corner to which, and what they are on the wall.
 _SIDES: tuple[tuple[int, int, Axis], ...] = (
     (0, 1, "horizontal"),
@@ -73,7 +73,6 @@ def observations(
     camera: Camera,
     lines: Sequence[LineSegment] = (),
     tolerance: float = TOLERANCE,
-    correlation: float = 0.0,
 ) -> Observations:
     """Normalise and whiten what was seen.
 
@@ -85,9 +84,6 @@ def observations(
         Axis-parallel segments in the photo; their lens distortion is removed here.
     tolerance
         Deviation of real corners from ideal ones, in button sizes.
-    correlation
-        Share of the outlines' variance that is common to all of them. Of n forms that err alike
-        each counts for less.
 
     Raises
     ------
@@ -104,7 +100,7 @@ def observations(
     size = np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
     std = np.hypot([o.std_px for o in outlines], tolerance * size)
     inverse_sd, gain = np.zeros((n, TANGENTS)), np.ones(n)
-    alike = math.sqrt(1 + min(1.0, FORMS_ALIKE * correlation) * (n - 1))
+    alike = math.sqrt(1 + FORMS_ALIKE * (n - 1))
 
     quads = np.flatnonzero(kind == QUAD)
     if len(quads):
