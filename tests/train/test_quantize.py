@@ -96,6 +96,10 @@ def test_what_cannot_be_quantized(exported: Path, tmp_path: Path) -> None:
         quantize_network(exported, [], tmp_path)
     with pytest.raises(InputError, match=r"gone\.onnx"):
         quantize_network(tmp_path / "gone.onnx", pictures(1), tmp_path)
+    (tmp_path / "text.onnx").write_text("no network")
+    with pytest.raises(InputError, match=r"text\.onnx"):
+        quantize_network(tmp_path / "text.onnx", pictures(1), tmp_path)
+    assert not list(tmp_path.glob("*int8*"))
 
 
 def test_from_the_command_line(exported: Path, tmp_path: Path) -> None:

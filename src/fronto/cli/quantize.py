@@ -13,7 +13,7 @@ from fronto.cli.shared import FILE, counted, require, say
 __all__ = ["command"]
 
 #: What ONNX Runtime's tool needs.
-MODULES = ("onnx",)
+MODULES = ("onnx", "sympy")
 
 
 @click.command(name="quantize", short_help="Write a network in 8 bits: faster on processors.")

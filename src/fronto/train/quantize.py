@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fronto.engine import Engine
 from fronto.engine.companion import QUANTIZED_OF, companion_stem, replace_companion
-from fronto.engine.onnxfile import file_digest
 from fronto.errors import InputError
 
 __all__ = ["quantize_network"]
@@ -68,7 +68,7 @@ def quantize_network(
         quant_pre_process,
     )
 
-    digest = file_digest(weights)
+    engine = Engine(weights, threads=1, int8=False)  # says what is wrong with the file
     shown = [np.ascontiguousarray(picture) for picture in pictures]
     if not shown:
         raise InputError("pictures", "expected some to measure ranges on, got none")
@@ -76,8 +76,6 @@ def quantize_network(
         merged, quantized = Path(folder) / "merged.onnx", Path(folder) / "int8.onnx"
         quant_pre_process(str(weights), str(merged), skip_symbolic_shape=True)
         graph = onnx.load(merged).graph
-        if FEATURES not in {output.name for output in graph.output}:
-            raise InputError(f"weights {weights}", "expected a segmentation network of fronto")
         quantize_static(
             str(merged),
             str(quantized),
@@ -92,8 +90,7 @@ def quantize_network(
             extra_options={"CalibMovingAverage": True},
         )
         model = onnx.load(quantized)
-    stated = {entry.key: entry.value for entry in onnx.load(weights).metadata_props}
-    onnx.helper.set_model_props(model, {**stated, QUANTIZED_OF: digest})
+    onnx.helper.set_model_props(model, {**engine.metadata, QUANTIZED_OF: engine.digest})
     content = model.SerializeToString()
     name = companion_stem(weights, "int8")
     directory = directory or weights.parent
