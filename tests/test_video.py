@@ -293,7 +293,7 @@ def test_a_cut_to_another_place_is_fitted_into_the_same_canvas() -> None:
 
 def test_the_photos_own_size_for_a_canvas(pictures: list[np.ndarray]) -> None:
     rng = np.random.default_rng(4)
-    options = RectifierOptions(crop="input", lines=False, second_look=False)
+    options = RectifierOptions(crop="input", lines=False, second_look=False, rectified_look=False)
     results = run([found(k, rng) for k in range(3)], pictures[:3], options=options)
     for result in results:
         assert result.picture is not None
