@@ -38,7 +38,7 @@ def command(
     """Write a network with whole numbers of 8 bits beside its file, where it is found and used.
 
     PHOTOs (files, folders or patterns) like those that it will see tell which ranges its values
-    have; some dozens are chosen of them. It takes about two thirds of the time then. Train its
+    have; some dozens are chosen of them. It takes about half of its time then. Train its
     heads afterwards: they read what it tells.
     """
     require(MODULES, "train", "fronto quantize")

@@ -81,7 +81,7 @@ class Engine:
         ``["CUDAExecutionProvider", "CPUExecutionProvider"]``; None: the processor.
     int8
         Whether the network runs in 8 bits where such a file lies beside it; None: on the
-        processor, where that takes about two thirds of the time.
+        processor, where that takes about half of its time.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The network in 8 bits: two thirds of the time on processors, as exact as before.
+"""The network in 8 bits: half of its time on processors, and about as exact.
 
 Static quantization with ONNX Runtime's own tool: weights and activations become whole numbers of
 8 bits, whose ranges are measured on pictures (Jacob et al., "Quantization and Training of Neural
