@@ -19,8 +19,10 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 import fronto
+from fronto import RectifierOptions
 from fronto.batch import Crashed
 from fronto.cli import main
+from fronto.cli.cameras import CameraSource
 from fronto.cli.rectifying import Job, Settings
 from fronto.pose.rotation import rotation_from_angles
 
@@ -352,6 +354,24 @@ def test_resume_does_again_what_other_options_have_made(begun: Room) -> None:
     begun.camera.write_text(json.dumps(camera), encoding="utf-8")
     assert redone(begun, photos="a") == "a"
     assert begun.result("a")["camera"]["matrix"][0][0] == 251
+
+
+def test_results_depend_on_all_files_of_a_network(tmp_path: Path) -> None:
+    weights = tmp_path / "fronto-seg-x.onnx"
+    weights.write_bytes(b"a network")
+    options, source = RectifierOptions(read_labels=False), CameraSource(None, None, None)
+    settings = Settings(tmp_path, weights, 1, options, source)
+    seen = [settings.run(None)]
+    for kind in ("relations", "masks", "int8"):
+        (tmp_path / f"fronto-seg-x.{kind}-01234567.onnx").write_text(kind)
+        seen.append(settings.run(None))
+    assert len(set(seen)) == len(seen)
+    # Given outlines need none of them.
+    outlines = tmp_path / "outlines.json"
+    outlines.write_text("{}")
+    given = settings.run(outlines)
+    (tmp_path / "fronto-seg-x.int8-01234567.onnx").unlink()
+    assert settings.run(outlines) == given
 
 
 def test_resume_makes_pictures_that_are_asked_for_now(begun: Room) -> None:

@@ -365,3 +365,25 @@ def test_two_columns_of_which_one_is_a_little_higher_have_no_rows(view):
             assert pose.status == "ok"
             errors.append(panel.error_deg(pose))
         assert max(errors) < 2.5
+
+
+def test_lines_of_both_axes_hold_the_rotation_whatever_two_outlines_say(view, grid):
+    panel = view(grid(1, 2, width_m=0.04, pitch_m=0.08), (6, -20, 3)).noisy(1, 0.3)
+    good, other = panel.outlines
+    off = np.array([[3.0, 0], [-3, 2], [4, -3], [0, 3]])
+    outlines = [good, replace(other, corners_px=other.corners_px + off)]
+    level = [[[-0.16, y], [0.16, y]] for y in (-0.15, 0.15)]
+    upright = [[[x, -0.15], [x, 0.15]] for x in (-0.16, 0.16)]
+    lines = [
+        LineSegment(axis, panel.project(ends), std_px=0.4)
+        for axis, both in (("horizontal", level), ("vertical", upright))
+        for ends in both
+    ]
+
+    pose = estimate_pose(outlines, panel.camera, lines=lines)
+    assert pose.status == "ok"
+    assert panel.error_deg(pose) < 0.5
+    # Not by one direction, nor with another camera than the one that is known.
+    assert estimate_pose(outlines, panel.camera, lines=lines[:2]).status != "ok"
+    guessed = replace(panel.camera, focal_std=0.2)
+    assert estimate_pose(outlines, guessed, lines=lines).status == "uncertain"

@@ -200,8 +200,7 @@ def test_it_is_part_of_rectifying(view, grid):
     assert rectify_outlines(blank, button, panel.camera, find_lines=True).status != "ok"
 
 
-def test_quads_beside_it_may_be_anything(view):
-    # No outlines at all: there is no panel to speak of.
+def test_without_outlines_there_is_no_panel_to_speak_of():
     camera = Camera.from_fov(90, 640, 480)
     ends = np.array([[[10, 10], [600, 12]], [[10, 400], [600, 402]], [[50, 10], [50, 400]]], float)
     none: list[Outline] = []

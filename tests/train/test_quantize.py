@@ -111,5 +111,12 @@ def test_from_the_command_line(exported: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     (written,) = (tmp_path / "out").iterdir()
     assert str(written) in done.output
+    # A photo that cannot be used is named, and the others are taken.
+    (tmp_path / "photos" / "9.png").write_text("no picture")
+    some = CliRunner().invoke(main, list(map(str, arguments)))
+    assert some.exit_code == 1
+    assert "9.png" in some.output
+    assert "3 photos" in some.output
+    assert len(list((tmp_path / "out").iterdir())) == 1
     nothing = CliRunner().invoke(main, ["quantize", str(tmp_path / "no*.jpg"), "--weights", "x"])
     assert nothing.exit_code == 2

@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from fronto.cli.inputs import expanded
-from fronto.cli.shared import FILE, counted, require, say
+from fronto.cli.shared import FILE, SOME_FAILED, counted, require, say
+from fronto.errors import InputError
 
 __all__ = ["command"]
 
@@ -32,8 +33,14 @@ MODULES = ("onnx", "sympy")
     help="Photos to measure ranges on.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N")
+@click.pass_context
 def command(
-    photos: Sequence[Path], weights: Path, folder: Path | None, pictures: int, seed: int
+    ctx: click.Context,
+    photos: Sequence[Path],
+    weights: Path,
+    folder: Path | None,
+    pictures: int,
+    seed: int,
 ) -> None:
     """Write a network with whole numbers of 8 bits beside its file, where it is found and used.
 
@@ -50,7 +57,14 @@ def command(
 
     files = expanded(photos)
     order = np.random.default_rng(seed).permutation(len(files))[:pictures]
-    shown = (first_look(as_rgb(files[k])).image for k in sorted(order.tolist()))
+    shown = []
+    for k in sorted(order.tolist()):
+        try:
+            shown.append(first_look(as_rgb(files[k])).image)
+        except InputError as error:  # the others will do
+            say(f"Error: {error}", err=True)
     path = quantize_network(weights, shown, folder)
-    measured = counted(len(order), "photo")
+    measured = counted(len(shown), "photo")
     say(f"{weights}: measured on {measured}, {path.stat().st_size / 1e6:.1f} MB -> {path}")
+    if len(shown) < len(order):
+        ctx.exit(SOME_FAILED)

@@ -136,7 +136,9 @@ class Settings:
         from fronto.labels.name import packaged_reader
 
         weights = self.weights or find_weights()
-        files = [outlines or weights, None if outlines else find_companion(weights)]
+        files: list[Path | None] = [outlines or weights]
+        if outlines is None:
+            files += [find_companion(weights, kind) for kind in ("relations", "masks", "int8")]
         files += [self.template_file, self.source.file, depth]
         reader = packaged_reader(self.threads) if self.options.read_labels else None
         if reader is not None:
