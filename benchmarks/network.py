@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from fronto import maskhead
+from fronto import maskhead, verification
 from fronto.engine import Engine, find_companion, find_weights
 from fronto.imageio import write_png
 from fronto.relations import candidates, describe
@@ -70,10 +70,13 @@ def network_ms(engine: Engine, runs: int) -> tuple[float, float]:
     image = next(renders(1)).image
     photo = image[None]
     maps = engine.run(photo)
-    told = patches = None
+    told = patches = seen = None
     if engine.relations is not None and maps.features is not None:
         found = candidates(maps.centers[0], maps.sides[0], maps.classes[0], engine.stride)
         told = describe(found, maps.features[0], engine.stride, image.shape[:2])
+    if engine.verifier is not None:
+        boxes = [f.box for f in finds_in(engine, image, 0.0, second_look=False)[0]]
+        seen = verification.describe(image, np.stack(boxes))
     if engine.masks is not None:
         patches = maskhead.describe(image, finds_in(engine, image, 0.5, second_look=False)[0])
 
@@ -81,6 +84,8 @@ def network_ms(engine: Engine, runs: int) -> tuple[float, float]:
         engine.run(photo)
         if engine.relations is not None and told is not None:
             engine.relations.run(told)
+        if engine.verifier is not None and seen is not None:
+            engine.verifier.run(seen)
         if engine.masks is not None and patches is not None:
             engine.masks.run(patches)
 
@@ -116,6 +121,7 @@ def companions(weights: Path) -> dict[str, Path]:
     found = {
         "in 8 bits": find_companion(weights, "int8"),
         "relation head": find_companion(weights),
+        "verifier": find_companion(weights, "verifier"),
         "mask head": find_companion(weights, "masks"),
     }
     return {name: path for name, path in found.items() if path is not None}

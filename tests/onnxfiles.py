@@ -13,6 +13,7 @@ from fronto.engine.context import FORMAT as CONTEXT_FORMAT
 from fronto.engine.masks import FORMAT as MASK_FORMAT
 from fronto.engine.reader import FORMAT as READER_FORMAT
 from fronto.engine.relations import FORMAT as HEAD_FORMAT
+from fronto.engine.verifier import FORMAT as VERIFIER_FORMAT
 from fronto.labels.alphabet import ALPHABET, KINDS, STEPS
 
 CLASSES = ("background", "up", "plate")
@@ -196,6 +197,51 @@ def mask_head(
         [helper.make_tensor_value_info(n, kind, sizes[n]) for n in names if n not in drop]
         for names, kind in ((("photo", "rough"), inputs), (("masks", "forms"), TensorProto.FLOAT))
     )
+    tensors = [numpy_helper.from_array(np.asarray(v), name) for name, v in constants.items()]
+    return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
+
+
+def verifier(
+    for_network,
+    *,
+    metadata=None,
+    side=64,
+    classes=3,
+    inputs=TensorProto.UINT8,
+    drop=(),
+    steep=1.0,
+    operator="Identity",
+):
+    """A verifier for a network with this content.
+
+    Kinds are the softmax of the mean red, green and blue, as shares of 255, times `steep`; classes
+    that of the same, over and over.
+    """
+    metadata = {"format": VERIFIER_FORMAT, "network": digits(for_network)} | (metadata or {})
+    repeats = -(-classes // 3)
+    nodes = [
+        helper.make_node("Cast", ["patches"], ["colors"], to=TensorProto.FLOAT),
+        helper.make_node("ReduceMean", ["colors", "places"], ["means"], keepdims=0),
+        helper.make_node("Mul", ["means", "factor"], ["shares"]),
+        helper.make_node(operator, ["shares"], ["told"]),
+        helper.make_node("Softmax", ["told"], ["kinds"], axis=1),
+        helper.make_node("Concat", ["told"] * repeats, ["many"], axis=1),
+        helper.make_node("Slice", ["many", "first", "count", "axis"], ["named"]),
+        helper.make_node("Softmax", ["named"], ["classes"], axis=1),
+    ]
+    constants = {
+        "factor": np.float32(steep / 255),
+        "places": np.array([1, 2]),
+        "first": np.array([0]),
+        "count": np.array([classes]),
+        "axis": np.array([1]),
+    }
+    given = [helper.make_tensor_value_info("patches", inputs, ["n", side, side, 3])]
+    answers = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", count])
+        for name, count in (("kinds", 3), ("classes", classes))
+        if name not in drop
+    ]
     tensors = [numpy_helper.from_array(np.asarray(v), name) for name, v in constants.items()]
     return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
 

@@ -12,6 +12,7 @@ import pytest
 
 import fronto
 from fronto.draw import button_names
+from fronto.engine.reader import _packaged
 from fronto.labels.context import Head
 from fronto.labels.name import name_buttons, packaged_reader
 from fronto.labels.reader import Reading
@@ -343,15 +344,19 @@ def test_the_rectifier_names_buttons_last() -> None:
 def test_weights_of_the_reader_may_be_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def forget() -> None:
+        packaged_reader.cache_clear()
+        _packaged.cache_clear()
+
     (tmp_path / "weights").mkdir()
-    for place in ("importlib.resources.files", "fronto.engine.onnxfile.files"):
+    for place in ("fronto.engine.reader.files", "fronto.engine.onnxfile.files"):
         monkeypatch.setattr(place, lambda package: tmp_path)
-    packaged_reader.cache_clear()
+    forget()
     try:
         assert packaged_reader() is None
         (tmp_path / "weights" / "fronto-read-01234567.onnx").write_bytes(b"no network")
-        packaged_reader.cache_clear()
+        forget()
         with pytest.raises(fronto.InputError, match="fronto-read"):
             packaged_reader()
     finally:
-        packaged_reader.cache_clear()
+        forget()

@@ -69,7 +69,7 @@ class TestRegion:
         assert region((89.5, 44.5, 109.5, 54.5)) == Region(84, 42, 32, 16)
 
     def test_places_are_the_middles_of_the_patchs_pixels(self) -> None:
-        x, y = Region(10, -4, 96, 48).places()
+        x, y = Region(10, -4, 96, 48).places(SIDE)
         np.testing.assert_allclose(x, 10.5 + 2 * np.arange(SIDE))
         np.testing.assert_allclose(y, -4 + np.arange(SIDE))
 
@@ -89,7 +89,7 @@ class TestDescribe:
         assert patches.photo.dtype == patches.rough.dtype == np.uint8
         assert patches.regions == tuple(region(box) for box in boxes)
         for shown, part in zip(patches.photo.astype(int), patches.regions, strict=True):
-            x, y = part.places()
+            x, y = part.places(SIDE)
             # Within half a pixel of whichever is larger, the patch's or the photo's; 2 levels each.
             for got, at, size, wide in (
                 (shown[..., 0], x, WIDTH, part.width),
@@ -108,7 +108,7 @@ class TestDescribe:
         photo[..., 1] = 2 * np.arange(HEIGHT)[:, None]
         box = around(52 + off, 47 - off, size, 0.9 * size)
         patches = describe(photo, [find(box, first_look(photo))])
-        x, y = patches.regions[0].places()
+        x, y = patches.regions[0].places(SIDE)
         inner = slice(6, -6)  # enlarged, the outermost pixels are carried on
         for got, at in ((patches.photo[0, ..., 0], x), (patches.photo[0, ..., 1].T, y)):
             error = (got - 2 * at)[:, inner]
@@ -123,7 +123,7 @@ class TestDescribe:
         rows, columns = np.indices(view.image.shape[:2]).astype(np.float32)
         most = 1.05 * max(view.columns, view.rows)
         box = around(0.45 * width, 0.55 * height, 0.3 * width, 0.2 * height)
-        x, y = region(box).places()
+        x, y = region(box).places(SIDE)
         u, v = view.to_network(np.stack([x, y], axis=1)).T
         (across,) = describe(photo, [find(box, view, columns / np.float32(most))]).rough
         (down,) = describe(photo, [find(box, view, rows / np.float32(most))]).rough
@@ -153,7 +153,7 @@ class TestDescribe:
         for rough, part, low, high in zip(
             patches.rough, patches.regions, (-np.inf, 42), (42, np.inf), strict=True
         ):
-            x, y = part.places()
+            x, y = part.places(SIDE)
             row = rough[np.argmin(np.abs(y - 40))]
             sure = np.abs(x - 42) > 0.6
             reached = np.abs(x - (30 if low < 0 else 60)) <= (13 if low < 0 else 19.5)

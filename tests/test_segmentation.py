@@ -37,7 +37,9 @@ class Oracle:
     """Takes bright things for buttons: boxes are those of bright pieces in what it is shown."""
 
     relations: AllAlike | None = None
+    verifier: None = None
     masks: None = None
+    reader: None = None
     stride: int = 4
     shapes: list[tuple[int, ...]] = field(default_factory=list)
 

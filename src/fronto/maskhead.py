@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.finds import Find, owned
-from fronto.shapes import FloatArray
+from fronto.patches import Region, photo_patch
+from fronto.patches import region as patch_region
 
 __all__ = ["FORMS", "SIDE", "Patches", "Region", "describe", "mask_in_photo", "region"]
 
@@ -24,35 +25,10 @@ __all__ = ["FORMS", "SIDE", "Patches", "Region", "describe", "mask_in_photo", "r
 SIDE = 48
 #: ... and shows the find's box, made larger by this.
 REACH = 1.6
-#: Larger parts of the photo are not looked at pixel by pixel: no button is so large.
-MOST_PX = 16_000_000
 #: Shapes that the head tells apart.
 FORMS = ("quad", "ellipse", "odd")
 
 Floats = npt.NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Region:
-    """The part of a photo that a patch shows, whole pixels; it may reach beyond the photo.
-
-    Parameters
-    ----------
-    x0, y0
-        Its top-left pixel.
-    width, height
-        Pixels.
-    """
-
-    x0: int
-    y0: int
-    width: int
-    height: int
-
-    def places(self) -> tuple[FloatArray, FloatArray]:
-        """Where in the photo the patch's columns and rows are: shapes (48,), (48,)."""
-        at = (np.arange(SIDE) + 0.5) / SIDE
-        return self.x0 - 0.5 + at * self.width, self.y0 - 0.5 + at * self.height
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +53,7 @@ class Patches:
 
 def region(box: npt.ArrayLike) -> Region:
     """What the patch of a box x0, y0, x1, y1 shows."""
-    edges = np.asarray(box, np.float64).reshape(2, 2)
-    middle, half = edges.mean(axis=0), REACH * np.ptp(edges, axis=0) / 2
-    size = np.maximum(np.rint(2 * half), 1).astype(int)
-    low = np.rint(middle - size / 2 + 0.5).astype(int)
-    return Region(int(low[0]), int(low[1]), int(size[0]), int(size[1]))
+    return patch_region(box, REACH)
 
 
 def describe(
@@ -100,10 +72,10 @@ def describe(
     """
     boxes = np.stack([find.box for find in finds])
     regions = tuple(region(box) for box in boxes) if regions is None else tuple(regions)
-    photo = np.stack([_photo_patch(rgb, r) for r in regions])
+    photo = np.stack([photo_patch(rgb, r, SIDE) for r in regions])
     rough = np.stack([_rough_patch(find, r) for find, r in zip(finds, regions, strict=True)])
     for k, r in enumerate(regions):
-        rough[k] *= owned(boxes, k, *r.places())
+        rough[k] *= owned(boxes, k, *r.places(SIDE))
     return Patches(photo, rough, regions)
 
 
@@ -122,7 +94,7 @@ def mask_in_photo(
     right, bottom = min(region.width, width - region.x0), min(region.height, height - region.y0)
     if right <= left or bottom <= top:
         return np.zeros((0, 0), np.float32), (0, 0)
-    if region.width * region.height <= MOST_PX:
+    if not region.large:
         size = (region.width, region.height)
         whole = cv2.resize(probability, size, interpolation=cv2.INTER_LINEAR)
         part = whole[top:bottom, left:right]
@@ -140,41 +112,10 @@ def mask_in_photo(
     return np.asarray(part, np.float32), (region.x0 + left, region.y0 + top)
 
 
-def _photo_patch(rgb: npt.NDArray[np.uint8], r: Region) -> npt.NDArray[np.uint8]:
-    import cv2
-
-    height, width = rgb.shape[:2]
-    x0, y0, x1, y1 = r.x0, r.y0, r.x0 + r.width, r.y0 + r.height
-    if r.width * r.height > MOST_PX:
-        sx, sy = r.width / SIDE, r.height / SIDE
-        inverse = np.array([[sx, 0, x0 - 0.5 + 0.5 * sx], [0, sy, y0 - 0.5 + 0.5 * sy]])
-        sampled = cv2.warpAffine(
-            rgb,
-            inverse,
-            (SIDE, SIDE),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        return np.asarray(sampled, np.uint8)
-    # At least one pixel of the photo, and no more than its edge pixels of what is beyond it.
-    left, right = np.clip((x0, x1), (0, 1), (width - 1, width))
-    top, bottom = np.clip((y0, y1), (0, 1), (height - 1, height))
-    columns = np.clip(np.arange(x0, x1), left, right - 1)
-    rows = np.clip(np.arange(y0, y1), top, bottom - 1)
-    part = rgb[top:bottom, left:right]
-    if len(columns) != right - left:
-        part = part[:, columns - left]
-    if len(rows) != bottom - top:
-        part = part[rows - top]
-    shrinks = r.width > SIDE and r.height > SIDE
-    way = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(part, (SIDE, SIDE), interpolation=way), np.uint8)
-
-
 def _rough_patch(find: Find, r: Region) -> npt.NDArray[np.uint8]:
     import cv2
 
-    x, y = r.places()
+    x, y = r.places(SIDE)
     ends = find.view.to_network([[x[0], y[0]], [x[1], y[1]]])
     (u0, v0), (u1, v1) = ends
     inverse = np.array([[u1 - u0, 0, u0], [0, v1 - v0, v0]])

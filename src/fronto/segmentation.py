@@ -21,6 +21,8 @@ from fronto.masks import drawn
 from fronto.scales import View, first_looks, second_scale, tiles
 from fronto.segments import Segments
 from fronto.shapes import FloatArray
+from fronto.twins import told_apart
+from fronto.verification import LEAST, describe, verified
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -109,13 +111,37 @@ def finds_in(
         As `segment` has them.
     """
     finds, network_s = _look(engine, first_looks(rgb), rgb.shape)
-    finds = [f for f in _distinct(finds) if f.confidence >= min_confidence]
+    finds, more_s = _sure(engine, rgb, _distinct(finds), min_confidence)
+    network_s += more_s
     if second_look and finds:
         again, more_s = _look_again(engine, rgb, finds)
         network_s += more_s
         if again:
-            finds = _distinct([*(f for f in again if f.confidence >= min_confidence), *finds])
-    return finds, network_s
+            again, more_s = _sure(engine, rgb, again, min_confidence)
+            network_s += more_s
+            finds = _distinct([*again, *finds])
+    started = time.perf_counter()
+    reader = engine.reader
+    if reader is not None:
+        finds = told_apart(finds, rgb, reader)
+    return finds, network_s + time.perf_counter() - started
+
+
+def _sure(
+    engine: Engine, rgb: npt.NDArray[np.uint8], finds: Sequence[Find], min_confidence: float
+) -> tuple[list[Find], float]:
+    """Those that are sure enough once the verifier has seen them, and the seconds that it took."""
+    seconds = 0.0
+    doubtful = [f for f in finds if f.confidence >= LEAST] if engine.verifier is not None else []
+    if engine.verifier is not None and doubtful:
+        patches = describe(rgb, np.stack([f.box for f in doubtful]))
+        started = time.perf_counter()
+        opinions = engine.verifier.run(patches)
+        seconds = time.perf_counter() - started
+        others = [f for f in finds if f.confidence < LEAST]
+        finds = [*verified(doubtful, opinions), *others]
+    kept = [f for f in finds if f.confidence >= min_confidence]
+    return sorted(kept, key=lambda f: -f.confidence), seconds
 
 
 def _look(

@@ -43,7 +43,8 @@ from fronto.train.masks.collect import (
     rendered,
     true_mask,
 )
-from fronto.train.masks.pool import Pool, joined, read_pool, write_pool
+from fronto.train.masks.pool import Pool
+from fronto.train.pools import joined, read_pool, write_pool
 from onnxfiles import finder
 
 PART = Region(-7, 12, 63, 31)
@@ -150,10 +151,10 @@ class TestPool:
         path = tmp_path / "patches-000-3.npz"
         write_pool(path, pool(n))
         assert [f.name for f in tmp_path.iterdir()] == [path.name]
-        assert len(read_pool(path)) == n
-        equal(read_pool(path), pool(n))
+        assert len(read_pool(path, Pool)) == n
+        equal(read_pool(path, Pool), pool(n))
         write_pool(path, pool(n, 1))  # another one in its place
-        equal(read_pool(path), pool(n, 1))
+        equal(read_pool(path, Pool), pool(n, 1))
 
     def test_joined(self) -> None:
         whole = pool(6)
@@ -206,7 +207,7 @@ class TestPool:
             broken = {"empty": b"", "text": b"no arrays", "cut": content[: len(content) // 2]}
             path.write_bytes(broken[damage])
         with pytest.raises(InputError, match=r"patches-000-3\.npz") as caught:
-            read_pool(path)
+            read_pool(path, Pool)
         assert "\n" not in str(caught.value)
 
 
@@ -261,7 +262,7 @@ class Named(Oracle):
 
 @pytest.fixture
 def often_in_vain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fronto.train.masks.collect.MOST_IN_VAIN", 3)
+    monkeypatch.setattr("fronto.train.shown.MOST_IN_VAIN", 3)
 
 
 class TestCollect:

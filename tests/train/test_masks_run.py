@@ -26,8 +26,9 @@ from fronto.segmentation import finds_in, segment
 from fronto.train.masks.export import _tells_label, export_masks
 from fronto.train.masks.fit import MaskFit
 from fronto.train.masks.network import MaskNetwork, MaskOptions
-from fronto.train.masks.pool import Pool, read_pool
+from fronto.train.masks.pool import Pool
 from fronto.train.masks.run import MaskTrainOptions, publish_masks, train_masks
+from fronto.train.pools import read_pool
 from fronto.units import _edges, _free_end
 from onnxfiles import finder, head
 
@@ -185,7 +186,7 @@ def test_from_renders_to_a_file(
     network = train_masks([], engine, run, OPTIONS, progress=False)
     assert not network.training
     (file,) = run.glob("patches-*")
-    pool = read_pool(file)
+    pool = read_pool(file, Pool)
     assert len(pool) >= OPTIONS.pictures
     assert Pool.UNKNOWN not in pool.forms
     noted = json.loads((run / "options.json").read_text(encoding="utf-8"))
@@ -234,7 +235,7 @@ def test_some_pictures_are_held_out(
     files = sorted(run.glob("patches-*"))
     names = [f"patches-00{k}-1.npz" for k in range(3)]
     assert [file.name for file in files] == names
-    pools = [read_pool(file) for file in files]
+    pools = [read_pool(file, Pool) for file in files]
     # The first half of each file.
     np.testing.assert_array_equal(
         learned[0].photo, np.concatenate([pool.photo[len(pool) // 2 :] for pool in pools])
@@ -250,7 +251,7 @@ def test_some_pictures_are_held_out(
     files[1].unlink()
     train_masks([], engine, run, replace(OPTIONS, pictures=3), progress=False)
     assert [file.read_bytes() for file in (files[0], files[2])] == [before[0], before[2]]
-    np.testing.assert_array_equal(read_pool(files[1]).masks, pools[1].masks)
+    np.testing.assert_array_equal(read_pool(files[1], Pool).masks, pools[1].masks)
 
 
 def test_from_photos_with_outlines(engine: Engine, tmp_path: Path) -> None:
@@ -258,7 +259,7 @@ def test_from_photos_with_outlines(engine: Engine, tmp_path: Path) -> None:
     options = replace(OPTIONS, renders=0.0, pictures=3)
     images = [photo(tmp_path, engine), photo(tmp_path, engine, outlined=False)]
     train_masks(images, engine, run, options, progress=False)
-    pool = read_pool(next(run.glob("patches-*")))
+    pool = read_pool(next(run.glob("patches-*")), Pool)
     assert set(pool.forms.tolist()) == {Pool.UNKNOWN}
     noted = json.loads((run / "options.json").read_text(encoding="utf-8"))
     assert noted["photos"] == 1  # a photo with boxes only does not help
@@ -313,7 +314,7 @@ def test_a_damaged_file_of_patches_is_named(engine: Engine, tmp_path: Path) -> N
 def test_a_network_that_finds_nothing(
     engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fronto.train.masks.collect.MOST_IN_VAIN", 3)
+    monkeypatch.setattr("fronto.train.shown.MOST_IN_VAIN", 3)
     monkeypatch.setattr("fronto.train.masks.collect.finds_in", lambda *_, **__: ([], 0.0))
     with pytest.raises(InputError, match=engine.path.name):
         train_masks([], engine, tmp_path / "run", OPTIONS, progress=False)

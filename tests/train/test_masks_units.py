@@ -16,7 +16,7 @@ from fronto.scales import first_look
 from fronto.shapes import FloatArray, Outline
 from fronto.synth.photo.truth import PhotoObject
 from fronto.train.masks.collect import Shown, _rough_units, _units, _with_units
-from fronto.train.masks.pool import joined
+from fronto.train.pools import joined
 from test_segmentation import Oracle
 
 #: A plate beside a button, another above one, and a button alone.

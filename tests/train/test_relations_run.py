@@ -201,7 +201,7 @@ def test_a_network_has_one_head(engine: Engine, tmp_path: Path) -> None:
 def test_a_network_that_finds_nothing(
     engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fronto.train.relations.collect.MOST_IN_VAIN", 3)
+    monkeypatch.setattr("fronto.train.shown.MOST_IN_VAIN", 3)
     monkeypatch.setattr("fronto.train.relations.collect.candidates", lambda *_: [])
     with pytest.raises(InputError, match=engine.path.name):
         train_relations([], engine, tmp_path / "run", OPTIONS, progress=False)

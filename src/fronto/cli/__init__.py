@@ -28,6 +28,7 @@ COMMANDS = (
     "export",
     "quantize",
     "relations",
+    "verifier",
     "masks",
     "evaluate",
     "render",

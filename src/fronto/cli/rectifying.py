@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from fronto.camera import Camera
     from fronto.engine import Engine
+    from fronto.engine.companion import CompanionKind
     from fronto.outlines import Outlines
     from fronto.pose import Template
     from fronto.rectifieroptions import RectifierOptions
@@ -138,11 +139,14 @@ class Settings:
         weights = self.weights or find_weights()
         files: list[Path | None] = [outlines or weights]
         if outlines is None:
-            files += [find_companion(weights, kind) for kind in ("relations", "masks", "int8")]
+            beside: tuple[CompanionKind, ...] = ("relations", "verifier", "masks", "int8")
+            files += [find_companion(weights, kind) for kind in beside]
         files += [self.template_file, self.source.file, depth]
-        reader = packaged_reader(self.threads) if self.options.read_labels else None
+        # It tells plates from buttons, too.
+        reads = self.options.read_labels or outlines is None
+        reader = packaged_reader(self.threads) if reads else None
         if reader is not None:
-            head = reader.engine.context
+            head = reader.engine.context if self.options.read_labels else None
             files += [reader.engine.path, None if head is None else head.path]
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
         stated.append(self.length.fields)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fronto.categories import PLATE
 from fronto.datasets.names import category_of, printed_text
-from fronto.datasets.records import UNKNOWN, LabeledImage, LabeledObject
+from fronto.datasets.records import UNKNOWN, Box, LabeledImage, LabeledObject
 from fronto.errors import InputError
 from fronto.shapes import FloatArray
 
@@ -56,6 +56,14 @@ def _corrections() -> _Corrections:
     return msgspec.yaml.decode(content, type=_Corrections)
 
 
+def _unlabelled() -> dict[str, list[Box]]:
+    """What ``panels_unlabelled.yaml`` says, photos as "split/id"."""
+    from importlib.resources import files
+
+    content = (files("fronto.datasets") / "panels_unlabelled.yaml").read_bytes()
+    return msgspec.yaml.decode(content, type=dict[str, list[Box]])
+
+
 def incomplete_photos(split: str) -> frozenset[str]:
     """Photos of a split on which the buttons beside some plates have no box.
 
@@ -87,7 +95,8 @@ def read_panels(directory: Path, split: str) -> list[LabeledImage]:
 
     Returns
     -------
-    The photos by name, buttons and plates only; displays, lamps and speakers are left out.
+    The photos by name, buttons and plates only; displays, lamps and speakers are left out. What may
+    be a button without a label (``panels_unlabelled.yaml``) is there to be ignored.
 
     Raises
     ------
@@ -103,7 +112,7 @@ def read_panels(directory: Path, split: str) -> list[LabeledImage]:
     photos = sorted((directory / split / "images").glob("*.jpg"))
     if not photos:
         raise InputError(f"{directory / split / 'images'}", "expected photos (*.jpg), found none")
-    corrections = _corrections()
+    corrections, unlabelled = _corrections(), _unlabelled()
     known = len(names) == corrections.classes  # else another set, whose photos happen to share ids
     images = []
     for photo in photos:
@@ -112,7 +121,12 @@ def read_panels(directory: Path, split: str) -> list[LabeledImage]:
         label = directory / split / "labels" / f"{photo.stem}.txt"
         labels = _read_labels(label, names, width, height)
         if known:
-            objects = _corrected(labels, corrections, f"{split}/{photo.stem}", label)
+            name = f"{split}/{photo.stem}"
+            objects = _corrected(labels, corrections, name, label)
+            objects += [
+                LabeledObject(UNKNOWN, box, None, "unlabelled", ignore=True)
+                for box in unlabelled.get(name, ())
+            ]
         else:
             objects = split_plates(list(labels.values()))
         images.append(LabeledImage(photo, width, height, tuple(objects)))

@@ -4,9 +4,10 @@ from fronto.engine.companion import find_companion
 from fronto.engine.context import ContextEngine
 from fronto.engine.masks import DrawnMasks, MaskEngine
 from fronto.engine.onnxfile import find_weights
-from fronto.engine.reader import LabelScores, ReaderEngine
+from fronto.engine.reader import LabelScores, ReaderEngine, packaged_reader
 from fronto.engine.relations import RelationEngine, Verdicts
 from fronto.engine.segmentation import FORMAT, Engine, Maps
+from fronto.engine.verifier import VerifierEngine
 
 __all__ = [
     "FORMAT",
@@ -19,6 +20,8 @@ __all__ = [
     "ReaderEngine",
     "RelationEngine",
     "Verdicts",
+    "VerifierEngine",
     "find_companion",
     "find_weights",
+    "packaged_reader",
 ]

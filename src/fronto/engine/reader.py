@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from fronto.cores import usable_cores
 from fronto.engine.companion import find_companion
 from fronto.engine.context import ContextEngine
 from fronto.engine.onnxfile import OnnxFile, checked_bytes, find_weights
 from fronto.errors import InputError
 from fronto.labels.alphabet import CROP_PX, KINDS
 
-__all__ = ["FORMAT", "LabelScores", "ReaderEngine"]
+__all__ = ["FORMAT", "LabelScores", "ReaderEngine", "packaged_reader"]
 
 #: What the file's inputs and outputs mean; written into it by `fronto.train.reader`.
 FORMAT = "fronto.labels/1"
@@ -149,3 +152,29 @@ class ReaderEngine:
                     "export it again",
                 )
         return LabelScores(*outputs)
+
+
+def packaged_reader(threads: int | None = None) -> ReaderEngine | None:
+    """The reader of the package; None where the package has no weights for one.
+
+    Made on first use, then kept.
+
+    Parameters
+    ----------
+    threads
+        That work on one call; None: all usable cores.
+
+    Raises
+    ------
+    InputError
+        If there are weights, and they cannot be used.
+    """
+    return _packaged(usable_cores() if threads is None else threads)
+
+
+@cache
+def _packaged(threads: int) -> ReaderEngine | None:
+    names = [file.name for file in (files("fronto") / "weights").iterdir()]
+    if not any(name.startswith("fronto-read-") for name in names):
+        return None
+    return ReaderEngine(threads=threads)

@@ -18,7 +18,9 @@ from fronto.engine.onnxfile import (
     find_weights,
     on_processor,
 )
+from fronto.engine.reader import ReaderEngine, packaged_reader
 from fronto.engine.relations import RelationEngine
+from fronto.engine.verifier import VerifierEngine
 from fronto.errors import InputError
 
 __all__ = ["FORMAT", "Engine", "Maps"]
@@ -71,9 +73,10 @@ class Engine:
     path
         The ONNX file, as ``fronto export`` writes it; None: the one in the package. Where
         its name ends in eight hexadecimal digits (``fronto-seg-1a2b3c4d.onnx``), they must
-        begin its SHA-256. The relation head and the mask head that lie beside it
-        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, ``...masks-5e6f7a8b.onnx``) are used,
-        where there are any, and so is the same network in 8 bits (``...int8-5e6f7a8b.onnx``).
+        begin its SHA-256. The relation head, the verifier and the mask head that lie beside it
+        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, ``...verifier-5e6f7a8b.onnx``,
+        ``...masks-5e6f7a8b.onnx``) are used, where there are any, and so is the same network in
+        8 bits (``...int8-5e6f7a8b.onnx``).
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -111,6 +114,8 @@ class Engine:
         As given or counted.
     relations
         The relation head; None where there is none.
+    verifier
+        What tells of each find by itself what it is; None where there is none.
     masks
         The mask head; None where there is none.
     """
@@ -125,6 +130,7 @@ class Engine:
     multiple: int
     threads: int
     relations: RelationEngine | None
+    verifier: VerifierEngine | None
     masks: MaskEngine | None
 
     def __init__(
@@ -175,6 +181,16 @@ class Engine:
                 threads=threads,
                 providers=providers,
             )
+        companion = find_companion(self.path, "verifier")
+        self.verifier = None
+        if companion is not None:
+            self.verifier = VerifierEngine(
+                companion,
+                network=self.digest,
+                classes=len(self.classes),
+                threads=threads,
+                providers=providers,
+            )
         companion = find_companion(self.path, "masks")
         self.masks = None
         if companion is not None:
@@ -182,6 +198,11 @@ class Engine:
                 companion, network=self.digest, threads=threads, providers=providers
             )
         self._file = file
+
+    @property
+    def reader(self) -> ReaderEngine | None:
+        """What tells prints from blanks (`fronto.twins`): the package's; None where it has none."""
+        return packaged_reader(self.threads)
 
     def run(self, images: npt.NDArray[np.uint8], *, features: bool | None = None) -> Maps:
         """Run the network.

@@ -53,15 +53,11 @@ def packaged_reader(threads: int | None = None) -> LabelReader | None:
     InputError
         If there are weights, and they cannot be used.
     """
-    from importlib.resources import files
-
-    from fronto.engine import ReaderEngine
+    from fronto.engine import packaged_reader as packaged_engine
     from fronto.labels.reader import LabelReader
 
-    names = [file.name for file in (files("fronto") / "weights").iterdir()]
-    if not any(name.startswith("fronto-read-") for name in names):
-        return None
-    return LabelReader(ReaderEngine(threads=threads))
+    engine = packaged_engine(threads)
+    return None if engine is None else LabelReader(engine)
 
 
 def name_buttons(

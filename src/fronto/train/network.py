@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from fronto.categories import CATEGORIES
 
-__all__ = ["STRIDE", "Maps", "Network", "NetworkOptions"]
+__all__ = ["BN_EPS", "STRIDE", "Backbone", "Maps", "Network", "NetworkOptions"]
 
 #: Pixels of the input per cell of the heads' maps.
 STRIDE = 4
@@ -152,7 +152,7 @@ class _InvertedResidual(nn.Module):
         return x + y if self.shortcut else y
 
 
-class _Backbone(nn.Module):
+class Backbone(nn.Module):
     """MobileNetV2 without its classifier; its features at strides 2, 4, 8 and at the end."""
 
     def __init__(self, output_stride: int, count: int) -> None:
@@ -184,6 +184,7 @@ class _Backbone(nn.Module):
         self.channels = inputs
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Compute the features of (N, 3, H, W) pictures."""
         x = self.stem(x)
         fine, low, middle = x, x, x
         for k, block in enumerate(self.blocks):
@@ -265,7 +266,7 @@ class Network(nn.Module):
         super().__init__()
         self.options = options = options or NetworkOptions()
         width = options.decoder
-        self.backbone = _Backbone(options.output_stride, options.blocks)
+        self.backbone = Backbone(options.output_stride, options.blocks)
         self.pyramid = _AtrousPyramid(self.backbone.channels, options)
         self.low = _conv(24, 24, 1)
         self.middle = _conv(32, 24, 1)

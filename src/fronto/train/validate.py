@@ -30,7 +30,9 @@ class TorchEngine:
 
     stride = STRIDE
     relations = None
+    verifier = None
     masks = None
+    reader = None
 
     def __init__(self, network: Network) -> None:
         self.network = network

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from fronto.categories import PLATE
 from fronto.datasets.records import LabeledImage
 from fronto.engine import Engine
-from fronto.errors import InputError
 from fronto.evaluate.regions import box_overlaps
 from fronto.finds import Find
 from fronto.maskhead import FORMS, SIDE, Region, describe, region
@@ -22,6 +21,7 @@ from fronto.segmentation import finds_in
 from fronto.shapes import FloatArray
 from fronto.synth.photo.truth import PhotoObject
 from fronto.train.masks.pool import Pool
+from fronto.train.shown import found_in
 
 __all__ = ["Shown", "collect", "labelled", "rendered", "true_mask"]
 
@@ -52,8 +52,6 @@ ZOOM, SHIFT, MOST = 0.1, 0.04, 2.5
 FINE = 16
 #: Fixed-point bits of OpenCV's drawing, and its largest number.
 BITS, FARTHEST = 8, 2**20
-#: Pictures in a row without a find before the network is taken for an untrained one.
-MOST_IN_VAIN = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,18 +179,12 @@ def collect(
     """
     rng = np.random.default_rng(seed)
     share = np.array([part for _, part in sources], dtype=np.float64)
-    in_vain = 0
-    while in_vain < MOST_IN_VAIN:
-        draw = sources[int(rng.choice(len(sources), p=share / share.sum()))][0]
-        pool = _pool(engine, draw(rng), rng)
-        in_vain = 0 if pool is not None else in_vain + 1
-        if pool is not None:
-            yield pool
-    raise InputError(
-        f"weights {engine.path}",
-        f"expected a network that finds buttons, it found none in {in_vain} pictures in a row",
-        "train it first",
-    )
+
+    def pictures() -> Iterator[Shown]:
+        while True:
+            yield sources[int(rng.choice(len(sources), p=share / share.sum()))][0](rng)
+
+    return found_in(engine, pictures(), lambda picture: _pool(engine, picture, rng))
 
 
 def _pool(engine: Engine, shown: Shown, rng: np.random.Generator) -> Pool | None:

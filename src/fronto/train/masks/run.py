@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -107,9 +106,11 @@ def train_masks(
     import torch
 
     from fronto.files import json_bytes, write_bytes
+    from fronto.train.masks.collect import collect, labelled, rendered
     from fronto.train.masks.fit import fit_masks, load_masks
-    from fronto.train.masks.pool import divided, joined, read_pool
+    from fronto.train.masks.pool import Pool
     from fronto.train.masks.validate import mask_validation
+    from fronto.train.pools import collected, divided, joined, read_pool
     from fronto.train.runs import same_network
 
     options = options or MaskTrainOptions()
@@ -127,8 +128,20 @@ def train_masks(
     check_run(run, values, ("weights", *COLLECTED))
     run.mkdir(parents=True, exist_ok=True)
     write_bytes(run / "options.json", json_bytes(values))
-    files = _collected(engine, outlined, run, options, progress)
-    pools = [divided(read_pool(file), HELD_OUT) for file in files]
+    sources = []
+    if options.renders > 0:
+        sources.append((rendered(options.twins, options.relief), options.renders))
+    if options.renders < 1:
+        sources.append((labelled(outlined), 1 - options.renders))
+    files = collected(
+        run,
+        lambda seed: collect(engine, sources, seed=seed),
+        pictures=options.pictures,
+        in_one=IN_ONE,
+        seed=options.seed,
+        progress=progress,
+    )
+    pools = [divided(read_pool(file, Pool), HELD_OUT) for file in files]
     held_out = joined([first for first, _ in pools])
     torch.manual_seed(options.fit.seed)
     return fit_masks(
@@ -173,36 +186,3 @@ def publish_masks(
     for run in runs:
         check_run(run, {"weights": engine.digest}, ("weights",))
     return export_masks(networks, engine, directory, {"version": __version__, **metadata})
-
-
-def _collected(
-    engine: Engine,
-    photos: Sequence[LabeledImage],
-    run: Path,
-    options: MaskTrainOptions,
-    progress: bool,
-) -> list[Path]:
-    """The files of patches; those that the run has are not made again."""
-    from tqdm import tqdm
-
-    from fronto.train.masks.collect import collect, labelled, rendered
-    from fronto.train.masks.pool import joined, write_pool
-
-    sources = []
-    if options.renders > 0:
-        sources.append((rendered(options.twins, options.relief), options.renders))
-    if options.renders < 1:
-        sources.append((labelled(photos), 1 - options.renders))
-    counts = [min(IN_ONE, options.pictures - k) for k in range(0, options.pictures, IN_ONE)]
-    files = [run / f"patches-{k:03d}-{count}.npz" for k, count in enumerate(counts)]
-    missing = [k for k, file in enumerate(files) if not file.exists()]
-    total = sum(counts[k] for k in missing)
-    with tqdm(total=total, unit="picture", disable=not progress) as bar:
-        for k in missing:
-            found = []
-            pools = collect(engine, sources, seed=10_000 * options.seed + k)
-            for pool in itertools.islice(pools, counts[k]):
-                found.append(pool)
-                bar.update()
-            write_pool(files[k], joined(found))
-    return files

@@ -6,33 +6,25 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
-import torch
 
 from fronto.categories import CATEGORIES, PLATE
 from fronto.engine import Engine
-from fronto.errors import InputError
 from fronto.evaluate.regions import box_overlaps
 from fronto.relations import candidates, looks
-from fronto.scales import first_look
 from fronto.shapes import FloatArray
-from fronto.train.data import Sample, Source, compressed, cut_out, disturb, disturbed
+from fronto.train.data import Source
 from fronto.train.relations.pool import Picture
+from fronto.train.shown import found_in, shown
 from fronto.train.targets import Target
 
 __all__ = ["collect", "judge_candidates"]
 
-#: Share of the pictures that are shown as they are when the network is used: whole, not turned.
-WHOLE = 0.4
-#: Share of the pictures whose light, colour and sharpness are changed, and that are compressed.
-DISTURBED, COMPRESSED = 0.65, 0.3
 #: A candidate is what it overlaps by this much (intersection over union); between the two there
 #: is no verdict, but the way to the labelled box is known.
 IS, NEAR = 0.5, 0.4
 #: A candidate of which this share lies in what is to be ignored has no verdict; an object of
 #: which less is in the picture is to be ignored.
 IGNORED, SEEN = 0.5, 0.5
-#: Pictures in a row in which a network finds nothing before it is taken for an untrained one.
-MOST_IN_VAIN = 300
 
 
 def collect(
@@ -56,39 +48,11 @@ def collect(
     InputError
         If the network finds nothing at all in picture after picture.
     """
-    rng = np.random.default_rng(seed)
-    torch.manual_seed(seed)
-    disturbing = disturb()
-    share = np.array([part for _, part in sources], dtype=np.float64)
-    in_vain = 0
-    while in_vain < MOST_IN_VAIN:
-        source = sources[int(rng.choice(len(sources), p=share / share.sum()))][0]
-        sample = source.draw(rng)
-        shown = _whole(sample) if rng.random() < WHOLE else cut_out(sample, size, rng)
-        image = shown.image
-        if rng.random() < DISTURBED:
-            image = disturbed(image, disturbing)
-        if rng.random() < COMPRESSED:
-            image = compressed(image, rng)
-        picture = _picture(engine, image, shown.objects)
-        in_vain = 0 if picture is not None else in_vain + 1
-        if picture is not None:
-            yield picture
-    raise InputError(
-        f"weights {engine.path}",
-        f"expected a network that finds buttons, it found none in {in_vain} pictures in a row",
-        "train it first",
+    return found_in(
+        engine,
+        shown(sources, size=size, seed=seed),
+        lambda sample: _picture(engine, sample.image, sample.objects),
     )
-
-
-def _whole(sample: Sample) -> Sample:
-    """The picture as the network sees it when it is used."""
-    view = first_look(sample.image)
-    objects = [
-        Target(o.category, view.to_network(o.polygon), o.exact, o.ignore, o.form)
-        for o in sample.objects
-    ]
-    return Sample(view.image, tuple(objects))
 
 
 def _picture(

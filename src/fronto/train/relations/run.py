@@ -123,28 +123,25 @@ def train_relations(
     import torch
 
     from fronto.files import json_bytes, write_bytes
-    from fronto.train.data import Photos, Renders
     from fronto.train.relations.fit import fit_relations, load_relations
     from fronto.train.relations.pool import Picture, read_pool
     from fronto.train.relations.validate import relation_validation
     from fronto.train.runs import same_network
+    from fronto.train.shown import panel_sources
 
     options = options or RelationTrainOptions()
     if options.network.features != engine.channels:
         raise InputError(
             "network.features", f"expected {engine.channels}, got {options.network.features}"
         )
-    sources: list[tuple[Source, float]] = []
-    if options.renders > 0:
-        drawn = Renders(reuse=1, twins=options.twins, relief=options.relief)
-        sources.append((drawn, options.renders))
-    if options.renders < 1:
-        if not photos:
-            raise InputError(
-                "photos", "expected labelled photos, got none", "or train on renders = 1 only"
-            )
-        photo_source = Photos(photos, options.pixels, options.plates)
-        sources.append((photo_source, 1 - options.renders))
+    sources = panel_sources(
+        photos,
+        renders=options.renders,
+        twins=options.twins,
+        relief=options.relief,
+        plates=options.plates,
+        pixels=options.pixels,
+    )
     network = RelationNetwork(options.network)
     if (run / "last.pt").exists():
         found = load_relations(run / "last.pt").options

@@ -1,0 +1,1 @@
+"""Training of the verifier, which tells of each find by itself what it is."""
