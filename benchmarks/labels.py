@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from fronto.engine import ReaderEngine
+from fronto.engine import ReaderEngine, find_companion
 from fronto.evaluate.labels import LabelReport, LabelScore, true_label
 from fronto.evaluate.tables import label_tables
 from fronto.labels.reader import LabelReader
@@ -90,16 +90,20 @@ def identity() -> str:
     """Which files they are, for their card."""
     engine = ReaderEngine(threads=1)
     head = engine.context
+    files = [("reader", engine.path, engine.metadata)]
+    quantized = find_companion(engine.path, "int8")
+    if quantized is not None:
+        files.append(("reader in 8 bits", quantized, engine.metadata))
+    if head is not None:
+        files.append(("context head", head.path, head.metadata))
     rows = []
-    for name, one in (("reader", engine), ("context head", head)):
-        if one is None:
-            continue
-        content = one.path.read_bytes()
+    for name, path, metadata in files:
+        content = path.read_bytes()
         rows += [
-            {"": name, "value": f"`{one.path.name}`"},
+            {"": name, "value": f"`{path.name}`"},
             {"": "its sha256", "value": f"`{hashlib.sha256(content).hexdigest()}`"},
             {"": "its size", "value": f"{len(content) / 1e6:.1f} MB"},
-            {"": "its version", "value": one.metadata.get("version", "")},
+            {"": "its version", "value": metadata.get("version", "")},
         ]
     return markdown_table(rows)
 

@@ -246,7 +246,7 @@ def verifier(
     return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
 
 
-def reader(*, version="0.7"):
+def reader(*, version="0.7", metadata=None):
     """A reader that takes every crop for much the same, a little by its brightness."""
     rng = np.random.default_rng(0)
     sizes = {"text": STEPS * (1 + len(ALPHABET)), "kind": len(KINDS)}
@@ -277,7 +277,7 @@ def reader(*, version="0.7"):
     ]
     stated = {"format": READER_FORMAT, "alphabet": ALPHABET, "kinds": ",".join(KINDS)}
     graph = helper.make_graph(nodes, "test", inputs, outputs, tensors)
-    return _content(graph, stated | {"version": version})
+    return _content(graph, stated | {"version": version} | (metadata or {}))
 
 
 def context_head(

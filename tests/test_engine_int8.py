@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fronto.engine import Engine
+from fronto.engine import Engine, ReaderEngine
 from fronto.engine.companion import QUANTIZED_OF
 from fronto.engine.onnxfile import on_processor
 from fronto.errors import InputError
+from fronto.patches import photo_patch, region
 from fronto.synth.photo import render_photo
-from onnxfiles import METADATA, digits, mask_head, network
+from onnxfiles import METADATA, context_head, digits, mask_head, network, reader
 
 NETWORK = network()
 NAME = f"fronto-seg-{digits(NETWORK)}"
@@ -122,3 +123,43 @@ def test_the_packages_own_is_there_and_about_as_exact() -> None:
     assert one.features is not None
     assert other.features is not None
     assert np.abs(one.features - other.features).mean() < 0.2 * other.features.std()
+
+
+def test_a_reader_has_one_too(tmp_path: Path) -> None:
+    floats = reader()
+    path = tmp_path / f"fronto-read-{digits(floats)}.onnx"
+    path.write_bytes(floats)
+    assert not ReaderEngine(path, threads=1).int8
+    quantized = reader(version="1", metadata={QUANTIZED_OF: digits(floats)})
+    beside = tmp_path / f"{path.stem}.int8-{digits(quantized)}.onnx"
+    beside.write_bytes(quantized)
+    head = context_head(floats, ("1", "2"))
+    (tmp_path / f"{path.stem}.context-{digits(head)}.onnx").write_bytes(head)
+    engine = ReaderEngine(path, threads=1)
+    assert engine.int8
+    assert (engine.path, engine.digest) == (path, digits(floats))
+    assert engine.metadata["version"] == "1"
+    assert engine.context is not None  # the same one goes with both
+    assert not ReaderEngine(path, threads=1, int8=False).int8
+
+    other = reader(metadata={QUANTIZED_OF: "01234567"})
+    beside.unlink()
+    (tmp_path / f"{path.stem}.int8-{digits(other)}.onnx").write_bytes(other)
+    with pytest.raises(InputError, match="01234567"):
+        ReaderEngine(path, threads=1)
+
+
+def test_the_packaged_reader_is_about_as_exact() -> None:
+    quantized, floats = ReaderEngine(threads=1), ReaderEngine(threads=1, int8=False)
+    assert quantized.int8
+    assert not floats.int8
+    photo = render_photo(np.random.default_rng(5))
+    boxes = [o.polygon_px for o in photo.objects]
+    crops = np.stack([photo_patch(photo.image, region(_box(b), 1.06), 48) for b in boxes])
+    one, other = quantized.run(crops), floats.run(crops)
+    assert (one.kind.argmax(axis=1) == other.kind.argmax(axis=1)).mean() > 0.8
+    assert np.abs(one.kind - other.kind).mean() < 0.03
+
+
+def _box(polygon: np.ndarray) -> np.ndarray:
+    return np.concatenate([polygon.min(axis=0), polygon.max(axis=0)])

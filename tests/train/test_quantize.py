@@ -14,12 +14,14 @@ onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxscript")
 
 from fronto.cli import main
-from fronto.engine import Engine
+from fronto.engine import Engine, ReaderEngine
 from fronto.errors import InputError
 from fronto.imageio import write_png
 from fronto.train.export import export_onnx
 from fronto.train.network import Network, NetworkOptions
-from fronto.train.quantize import quantize_network
+from fronto.train.quantize import quantize_network, quantize_reader
+from fronto.train.reader.export import export_reader
+from fronto.train.reader.network import ReaderNetwork
 
 METADATA = {"version": "7", "license": "MIT", "training_data": "renders"}
 
@@ -120,3 +122,26 @@ def test_from_the_command_line(exported: Path, tmp_path: Path) -> None:
     assert len(list((tmp_path / "out").iterdir())) == 1
     nothing = CliRunner().invoke(main, ["quantize", str(tmp_path / "no*.jpg"), "--weights", "x"])
     assert nothing.exit_code == 2
+
+
+def test_a_reader(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    network = ReaderNetwork()
+    with torch.no_grad():
+        for _ in range(3):
+            network.train()(torch.rand(4, 3, 48, 48))
+    exported = export_reader(network.eval(), tmp_path, "fronto-read", METADATA)
+    rng = np.random.default_rng(0)
+    crops = [rng.integers(0, 256, (n, 48, 48, 3), dtype=np.uint8) for n in (3, 0, 5)]
+    path = quantize_reader(exported, crops)
+    assert path.stat().st_size < 0.5 * exported.stat().st_size
+    engine, floats = ReaderEngine(exported, threads=1), ReaderEngine(exported, int8=False)
+    assert engine.int8
+    assert engine.metadata["quantized_of"] == floats.digest
+    one, other = engine.run(crops[2]), floats.run(crops[2])
+    for ours, theirs in ((one.kind, other.kind), (one.text, other.text)):
+        assert np.sqrt(((ours - theirs) ** 2).mean()) < 0.35 * theirs.std()
+    with pytest.raises(InputError, match="crops"):
+        quantize_reader(exported, crops[1:2])
+    with pytest.raises(InputError, match=r"gone\.onnx"):
+        quantize_reader(tmp_path / "gone.onnx", crops)

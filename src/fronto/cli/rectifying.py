@@ -147,7 +147,8 @@ class Settings:
         reader = packaged_reader(self.threads) if reads else None
         if reader is not None:
             head = reader.engine.context if self.options.read_labels else None
-            files += [reader.engine.path, None if head is None else head.path]
+            files += [reader.engine.path, find_companion(reader.engine.path, "int8")]
+            files.append(None if head is None else head.path)
         stated = [__version__, self.options, self.source, self.solving, self.include_unsure]
         stated.append(self.length.fields)
         digest = hashlib.sha256(repr(stated).encode())
