@@ -13,6 +13,7 @@ from fronto.engine import LabelScores
 from fronto.finds import Find
 from fronto.grouping import Instance
 from fronto.labels.alphabet import KINDS
+from fronto.prints import Prints
 from fronto.scales import first_look
 from fronto.segmentation import segment
 from fronto.shapes import FloatArray
@@ -99,7 +100,7 @@ class TestPlatesAmong:
 
 
 @dataclass
-class Prints:
+class Reader:
     """Takes bright crops for blank ones, and those with a dark middle for texts."""
 
     kinds: tuple[str, ...] = KINDS
@@ -135,10 +136,15 @@ def photo(places: FloatArray, printed: set[int]) -> npt.NDArray[np.uint8]:
     return rgb
 
 
+def prints(texts: list[float], keyholes: float = 0.0) -> Prints:
+    categories = np.zeros((len(texts), len(CATEGORIES) - 2))
+    categories[:, CATEGORIES.index("number") - 1] = texts
+    categories[:, CATEGORIES.index("keyhole") - 1] = keyholes
+    return Prints(categories)
+
+
 def test_told_apart() -> None:
-    places = columns()
-    reader = Prints()
-    told = told_apart(finds(places, set()), photo(places, {0, 2, 4, 6, 8}), reader)  # type: ignore[arg-type]
+    told = told_apart(finds(columns(), set()), prints([0.98, 0.02] * 5))
     assert [f.category == PLATE for f in told] == [True, False] * 5
     assert [f.instance.plate for f in told] == [True, False] * 5
     assert told[0].instance.scores[-1] == pytest.approx(0.94)
@@ -146,14 +152,15 @@ def test_told_apart() -> None:
     assert told[0].confidence == 0.9
 
 
-def test_who_has_no_twins_is_not_read() -> None:
-    reader = Prints()
-    for places in (columns(3), boxes([(100, 100 + 30 * k) for k in range(9)])):
-        assert len(told_apart(finds(places, set()), photo(places, set()), reader)) == len(places)  # type: ignore[arg-type]
-    # What is known to be a plate is no twin.
-    places = columns()
-    told_apart(finds(places, {0, 2, 4, 6, 8}), photo(places, {0, 2, 4, 6, 8}), reader)  # type: ignore[arg-type]
-    assert reader.asked == []
+def test_what_is_known_to_be_a_plate_is_no_twin() -> None:
+    before = finds(columns(), {0, 2, 4, 6, 8})
+    assert told_apart(before, prints([0.98, 0.02] * 5)) == before
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_few_finds(count: int) -> None:
+    before = finds(columns()[:count], set())
+    assert told_apart(before, prints([0.98] * count)) == before
 
 
 def test_in_a_photo() -> None:
@@ -161,7 +168,7 @@ def test_in_a_photo() -> None:
     engine = Oracle()
     rgb = photo(places, {0, 2, 4, 6, 8})
     assert len(segment(rgb, engine=engine).plates) == 0  # type: ignore[arg-type]
-    engine.reader = Prints()  # type: ignore[assignment]
+    engine.reader = Reader()  # type: ignore[assignment]
     found = segment(rgb, engine=engine)  # type: ignore[arg-type]
     assert (len(found.buttons), len(found.plates)) == (5, 5)
     assert {round(s.center_px[0]) for s in found.plates} == {100}

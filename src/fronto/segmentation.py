@@ -18,6 +18,7 @@ from fronto.grouping import Instance, overlaps
 from fronto.images import as_rgb
 from fronto.judging import instances
 from fronto.masks import drawn
+from fronto.prints import named, read_prints
 from fronto.scales import View, first_looks, second_scale, tiles
 from fronto.segments import Segments
 from fronto.shapes import FloatArray
@@ -121,9 +122,10 @@ def finds_in(
             network_s += more_s
             finds = _distinct([*again, *finds])
     started = time.perf_counter()
-    reader = engine.reader
+    reader = engine.reader if finds else None
     if reader is not None:
-        finds = told_apart(finds, rgb, reader)
+        prints = read_prints(finds, rgb, reader)
+        finds = told_apart(named(finds, prints), prints)
     return finds, network_s + time.perf_counter() - started
 
 

@@ -10,19 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from fronto.categories import PLATE
 from fronto.finds import Find
-from fronto.labels.alphabet import CROP_PX, CROP_SCALE
-from fronto.patches import photo_patch, region
+from fronto.prints import Prints
 from fronto.shapes import FloatArray
-
-if TYPE_CHECKING:
-    from fronto.engine import ReaderEngine
 
 __all__ = ["Twins", "plates_among", "told_apart", "twins"]
 
@@ -42,10 +38,6 @@ KEYHOLES = 0.6
 MOST = 0.6
 #: No probability counts as closer to 0 or 1 than this.
 FLOOR = 0.03
-
-
-#: Kinds of what is read that are prints of buttons and plates.
-PRINTS = ("text", "up", "down", "open", "close", "alarm", "stop")
 
 
 class Twins(NamedTuple):
@@ -117,34 +109,12 @@ def plates_among(
     return plates
 
 
-def told_apart(
-    finds: Sequence[Find], rgb: npt.NDArray[np.uint8], reader: ReaderEngine
-) -> list[Find]:
-    """Finds with plates as such that were taken for buttons.
-
-    Parameters
-    ----------
-    finds
-        Of one photo.
-    rgb
-        Shape (h, w, 3), uint8: the photo.
-    reader
-        What tells prints from blanks; asked only where finds lie in pairs.
-
-    Returns
-    -------
-    In the same order.
-    """
+def told_apart(finds: Sequence[Find], prints: Prints) -> list[Find]:
+    """Finds of one photo, in their order, with plates as such that were taken for buttons."""
     result = list(finds)
     buttons = [k for k, find in enumerate(finds) if not find.instance.plate]
-    boxes = np.array([finds[k].box for k in buttons]).reshape(-1, 4)
-    found = twins(boxes)
-    if not found:
-        return result
-    crops = np.stack([photo_patch(rgb, region(box, CROP_SCALE), CROP_PX) for box in boxes])
-    kinds = reader.run(crops).kind.astype(np.float64)
-    printed = kinds[:, [reader.kinds.index(kind) for kind in PRINTS]].sum(axis=1)
-    for k in plates_among(found, printed, kinds[:, reader.kinds.index("keyhole")]):
+    found = twins(np.array([finds[k].box for k in buttons]).reshape(-1, 4))
+    for k in plates_among(found, prints.printed[buttons], prints.keyholes[buttons]):
         result[buttons[k]] = _as_plate(finds[buttons[k]])
     return result
 
