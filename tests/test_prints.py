@@ -83,6 +83,14 @@ def test_finds_are_read_where_they_are() -> None:
     assert [f.category for f in named(found, read)] == ["keyhole", "number"]
 
 
+def test_many_finds() -> None:
+    photo = RGB.copy()
+    photo[18:62, 18:62, 0] = 255
+    boxes = [(20.0, 20, 60, 60), (80.0, 20, 120, 60)] * 50
+    read = read_prints([find("number", 1.0, box) for box in boxes], photo, Red())  # type: ignore[arg-type]
+    np.testing.assert_allclose(read.keyholes, [1, 0] * 50)
+
+
 def test_kinds_that_a_reader_tells() -> None:
     from fronto.prints import CATEGORY
 

@@ -36,6 +36,8 @@ CATEGORY = {
     "stop": "stop",
     "keyhole": "keyhole",
 }
+#: Crops in one call: what memory there is sets no limit to the number of finds.
+AT_ONCE = 64
 #: No category is less probable to the network than this.
 FLOOR = 0.05
 
@@ -68,7 +70,10 @@ class Prints:
 def read_prints(finds: Sequence[Find], rgb: npt.NDArray[np.uint8], reader: ReaderEngine) -> Prints:
     """Read finds, one or more, where they are in the photo (h, w, 3), uint8, RGB."""
     parts = [region(find.box, CROP_SCALE) for find in finds]
-    kinds = reader.run(np.stack([photo_patch(rgb, part, CROP_PX) for part in parts])).kind
+    crops = np.stack([photo_patch(rgb, part, CROP_PX) for part in parts])
+    kinds = np.concatenate(
+        [reader.run(crops[k : k + AT_ONCE]).kind for k in range(0, len(crops), AT_ONCE)]
+    )
     categories = np.zeros((len(finds), len(CATEGORIES) - 2))
     for kind, category in CATEGORY.items():
         categories[:, CATEGORIES.index(category) - 1] += kinds[:, reader.kinds.index(kind)]

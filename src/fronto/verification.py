@@ -32,7 +32,7 @@ KINDS = 3
 LEAST = 0.1
 #: What both say of the kind, and of the category, is multiplied, each to the power of its weight.
 FIRST, SECOND = 0.7, 0.5
-#: What is no nothing with this probability then gets the confidence 0.5, from which on it is shown.
+#: What then is something with this probability gets the confidence 0.5, from which on it is shown.
 SHOWN = 0.64
 #: No probability counts as less than this.
 FLOOR = 1e-4
