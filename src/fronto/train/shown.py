@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import torch
 
 from fronto.datasets.records import LabeledImage
 from fronto.engine import Engine
 from fronto.errors import InputError
 from fronto.scales import first_look
-from fronto.train.data import (
-    Photos,
-    Renders,
-    Sample,
-    Source,
-    compressed,
-    cut_out,
-    disturb,
-    disturbed,
-)
-from fronto.train.targets import Target
 
-__all__ = ["found_in", "panel_sources", "shown"]
+if TYPE_CHECKING:
+    from fronto.train.data import Sample, Source
+
+__all__ = ["COLLECTED", "ShownOptions", "found_in", "shown"]
 
 S = TypeVar("S")
 P = TypeVar("P")
 
+#: Options that decide what is found.
+COLLECTED = ("photos", "renders", "twins", "relief", "plates", "pixels", "size", "seed")
 #: Share of the pictures that are shown as they are when the network is used: whole, not turned.
 WHOLE = 0.4
 #: Share of the pictures whose light, colour and sharpness are changed, and that are compressed.
@@ -37,43 +31,77 @@ DISTURBED, COMPRESSED = 0.65, 0.3
 MOST_IN_VAIN = 300
 
 
-def panel_sources(
-    photos: Sequence[LabeledImage],
-    *,
-    renders: float,
-    twins: float,
-    relief: float,
-    plates: float,
-    pixels: int,
-) -> list[tuple[Source, float]]:
-    """Photos and renders, and the share of each.
+@dataclass(frozen=True)
+class ShownOptions:
+    """Which pictures a network is shown, so that a head learns from what it finds.
 
     Parameters
     ----------
-    photos
-        Labelled ones.
+    pictures
+        How many before training begins.
     renders
-        Share of rendered panels, 0 to 1.
-    twins, relief
-        As `Renders` takes them.
-    plates, pixels
-        As `Photos` takes them.
+        Share of rendered panels among them, 0 to 1.
+    twins
+        Share of the renders whose plates look like the buttons beside them, 0 to 1.
+    relief
+        Share of the renders whose buttons may stand out of the panel, or lie in holes, 0 to 1.
+    plates
+        Share of the photos drawn that have plates, where there are any, 0 to 1.
+    pixels
+        Photos are scaled to this many pixels, as for inference.
+    size
+        Side of the pictures that are cut out, pixels; a multiple of 16.
+    seed
+        Of the pictures.
 
     Raises
     ------
     InputError
-        If there are no photos for their share.
+        Naming the field that is out of range.
     """
-    sources: list[tuple[Source, float]] = []
-    if renders > 0:
-        sources.append((Renders(reuse=1, twins=twins, relief=relief), renders))
-    if renders < 1:
-        if not photos:
-            raise InputError(
-                "photos", "expected labelled photos, got none", "or train on renders = 1 only"
-            )
-        sources.append((Photos(photos, pixels, plates), 1 - renders))
-    return sources
+
+    pictures: int = 16_000
+    renders: float = 0.25
+    twins: float = 0.3
+    relief: float = 0.3
+    plates: float = 0.2
+    pixels: int = 640 * 480
+    size: int = 560
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("renders", "twins", "relief", "plates"):
+            share = getattr(self, name)
+            if not 0 <= share <= 1:
+                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
+        least = (("pictures", self.pictures, 1), ("pixels", self.pixels, 4096))
+        for name, value, lowest in (*least, ("size", self.size, 64)):
+            if value < lowest:
+                raise InputError(name, f"expected {lowest} or more, got {value}")
+        if self.size % 16:
+            raise InputError("size", f"expected a multiple of 16, got {self.size}")
+
+    def sources(self, photos: Sequence[LabeledImage]) -> list[tuple[Source, float]]:
+        """Labelled photos and renders, and the share of each.
+
+        Raises
+        ------
+        InputError
+            If there are no photos for their share.
+        """
+        from fronto.train.data import Photos, Renders
+
+        sources: list[tuple[Source, float]] = []
+        if self.renders > 0:
+            drawn = Renders(reuse=1, twins=self.twins, relief=self.relief)
+            sources.append((drawn, self.renders))
+        if self.renders < 1:
+            if not photos:
+                raise InputError(
+                    "photos", "expected labelled photos, got none", "or train on renders = 1 only"
+                )
+            sources.append((Photos(photos, self.pixels, self.plates), 1 - self.renders))
+        return sources
 
 
 def shown(sources: Sequence[tuple[Source, float]], *, size: int, seed: int) -> Iterator[Sample]:
@@ -88,6 +116,10 @@ def shown(sources: Sequence[tuple[Source, float]], *, size: int, seed: int) -> I
     seed
         Of all that is random.
     """
+    import torch
+
+    from fronto.train.data import Sample, compressed, cut_out, disturb, disturbed
+
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
     disturbing = disturb()
@@ -138,6 +170,9 @@ def found_in(engine: Engine, samples: Iterator[S], look: Callable[[S], P | None]
 
 def _whole(sample: Sample) -> Sample:
     """The picture as the network sees it when it is used."""
+    from fronto.train.data import Sample
+    from fronto.train.targets import Target
+
     view = first_look(sample.image)
     objects = [
         Target(o.category, view.to_network(o.polygon), o.exact, o.ignore, o.form)

@@ -15,6 +15,7 @@ from fronto.errors import InputError
 from fronto.train.relations.fit import RelationFit
 from fronto.train.relations.network import RelationNetwork, RelationOptions
 from fronto.train.runs import check_run
+from fronto.train.shown import COLLECTED, ShownOptions
 
 if TYPE_CHECKING:
     from fronto.train.data import Source
@@ -23,65 +24,22 @@ __all__ = ["RelationTrainOptions", "publish_relations", "train_relations"]
 
 #: Pictures in one file of candidates.
 IN_ONE = 400
-#: Options that decide which candidates are collected.
-COLLECTED = ("photos", "renders", "twins", "relief", "plates", "pixels", "size", "seed")
 
 
 @dataclass(frozen=True)
-class RelationTrainOptions:
-    """A training run.
+class RelationTrainOptions(ShownOptions):
+    """A training run: `fronto.train.shown.ShownOptions`, and how it is trained.
 
     Parameters
     ----------
-    pictures
-        How many pictures the network is shown before training begins.
-    renders
-        Share of rendered panels among them, 0 to 1.
-    twins
-        Share of the renders whose plates look like the buttons beside them, 0 to 1.
-    relief
-        Share of the renders whose buttons may stand out of the panel, or lie in holes, 0 to 1.
-    plates
-        Share of the photos drawn that have plates, where there are any, 0 to 1.
-    pixels
-        Photos are scaled to this many pixels, as for inference.
-    size
-        Side of the pictures that are cut out, pixels; a multiple of 16.
-    seed
-        Of the pictures.
     fit
         Steps, learning rate, ...
     network
         How large the head is; its `features` are the network's.
-
-    Raises
-    ------
-    InputError
-        Naming the field that is out of range.
     """
 
-    pictures: int = 16_000
-    renders: float = 0.25
-    twins: float = 0.3
-    relief: float = 0.3
-    plates: float = 0.2
-    pixels: int = 640 * 480
-    size: int = 560
-    seed: int = 0
     fit: RelationFit = field(default_factory=RelationFit)
     network: RelationOptions = field(default_factory=RelationOptions)
-
-    def __post_init__(self) -> None:
-        for name in ("renders", "twins", "relief", "plates"):
-            share = getattr(self, name)
-            if not 0 <= share <= 1:
-                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
-        least = (("pictures", self.pictures, 1), ("pixels", self.pixels, 4096))
-        for name, value, lowest in (*least, ("size", self.size, 64)):
-            if value < lowest:
-                raise InputError(name, f"expected {lowest} or more, got {value}")
-        if self.size % 16:
-            raise InputError("size", f"expected a multiple of 16, got {self.size}")
 
 
 def train_relations(
@@ -127,21 +85,13 @@ def train_relations(
     from fronto.train.relations.pool import Picture, read_pool
     from fronto.train.relations.validate import relation_validation
     from fronto.train.runs import same_network
-    from fronto.train.shown import panel_sources
 
     options = options or RelationTrainOptions()
     if options.network.features != engine.channels:
         raise InputError(
             "network.features", f"expected {engine.channels}, got {options.network.features}"
         )
-    sources = panel_sources(
-        photos,
-        renders=options.renders,
-        twins=options.twins,
-        relief=options.relief,
-        plates=options.plates,
-        pixels=options.pixels,
-    )
+    sources = options.sources(photos)
     network = RelationNetwork(options.network)
     if (run / "last.pt").exists():
         found = load_relations(run / "last.pt").options

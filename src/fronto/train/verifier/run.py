@@ -9,8 +9,8 @@ from pathlib import Path
 from fronto._version import __version__
 from fronto.datasets.records import LabeledImage
 from fronto.engine import Engine
-from fronto.errors import InputError
 from fronto.train.runs import check_run
+from fronto.train.shown import COLLECTED, ShownOptions
 from fronto.train.verifier.fit import VerifierFit
 from fronto.train.verifier.network import VerifierNetwork, VerifierOptions
 
@@ -20,65 +20,25 @@ __all__ = ["VerifierTrainOptions", "publish_verifier", "train_verifier"]
 IN_ONE = 400
 #: Share of each file that is not learned from.
 HELD_OUT = 0.02
-#: Options that decide which patches are collected.
-COLLECTED = ("photos", "renders", "twins", "relief", "plates", "pixels", "size", "seed")
 
 
 @dataclass(frozen=True)
-class VerifierTrainOptions:
-    """A training run.
+class VerifierTrainOptions(ShownOptions):
+    """A training run: `fronto.train.shown.ShownOptions`, and how it is trained.
 
     Parameters
     ----------
-    pictures
-        How many pictures the network is shown before training begins.
-    renders
-        Share of rendered panels among them, 0 to 1.
-    twins
-        Share of the renders whose plates look like the buttons beside them, 0 to 1.
-    relief
-        Share of the renders whose buttons may stand out of the panel, or lie in holes, 0 to 1.
-    plates
-        Share of the photos drawn that have plates, where there are any, 0 to 1.
-    pixels
-        Photos are scaled to this many pixels, as for inference.
-    size
-        Side of the pictures that are cut out, pixels; a multiple of 16.
-    seed
-        Of the pictures.
     fit
         Steps, learning rate, ...
     network
         How large the verifier is.
-
-    Raises
-    ------
-    InputError
-        Naming the field that is out of range.
     """
 
-    pictures: int = 16_000
     renders: float = 0.2
     twins: float = 0.5
-    relief: float = 0.3
-    plates: float = 0.2
-    pixels: int = 640 * 480
     size: int = 512
-    seed: int = 0
     fit: VerifierFit = field(default_factory=VerifierFit)
     network: VerifierOptions = field(default_factory=VerifierOptions)
-
-    def __post_init__(self) -> None:
-        for name in ("renders", "twins", "relief", "plates"):
-            share = getattr(self, name)
-            if not 0 <= share <= 1:
-                raise InputError(name, f"expected a share from 0 to 1, got {share:g}")
-        least = (("pictures", self.pictures, 1), ("pixels", self.pixels, 4096))
-        for name, value, lowest in (*least, ("size", self.size, 64)):
-            if value < lowest:
-                raise InputError(name, f"expected {lowest} or more, got {value}")
-        if self.size % 16:
-            raise InputError("size", f"expected a multiple of 16, got {self.size}")
 
 
 def train_verifier(
@@ -128,7 +88,6 @@ def train_verifier(
     from fronto.train.network import Network, NetworkOptions
     from fronto.train.pools import collected, divided, joined, read_pool
     from fronto.train.runs import same_network
-    from fronto.train.shown import panel_sources
     from fronto.train.start import load_backbone
     from fronto.train.verifier.collect import collect
     from fronto.train.verifier.fit import fit_verifier, load_verifier
@@ -136,14 +95,14 @@ def train_verifier(
     from fronto.train.verifier.validate import verifier_validation
 
     options = options or VerifierTrainOptions()
-    sources = panel_sources(
-        photos,
-        renders=options.renders,
-        twins=options.twins,
-        relief=options.relief,
-        plates=options.plates,
-        pixels=options.pixels,
-    )
+    sources = options.sources(photos)
+    torch.manual_seed(options.fit.seed)
+    network = VerifierNetwork(options.network)
+    network.start_from(load_onnx(engine.path).backbone)
+    if start is not None:
+        other = Network(NetworkOptions())
+        load_backbone(other, start)
+        network.start_from(other.backbone, first=options.network.frozen)
     if (run / "last.pt").exists():
         found = load_verifier(run / "last.pt").options
         same_network(run / "last.pt", asdict(found), asdict(options.network))
@@ -162,13 +121,6 @@ def train_verifier(
     )
     pools = [divided(read_pool(file, VerifierPool), HELD_OUT) for file in files]
     held_out = joined([first for first, _ in pools])
-    torch.manual_seed(options.fit.seed)
-    network = VerifierNetwork(options.network)
-    network.start_from(load_onnx(engine.path).backbone)
-    if start is not None:
-        other = Network(NetworkOptions())
-        load_backbone(other, start)
-        network.start_from(other.backbone, first=options.network.frozen)
     return fit_verifier(
         network,
         joined([rest for _, rest in pools]),
