@@ -34,7 +34,8 @@ OFF, LARGER = 0.3, 1.6
 DIFFER, SHARE, PRINTED, BLANK = 1.0, 0.8, 2.0, 0.0
 #: Where more of the others are keyholes than this, nothing is the plate of anything.
 KEYHOLES = 0.6
-#: Twins are so many of all things that are no keyholes: some labels of any panel cannot be read.
+#: So many of all things that are no keyholes are twins, at least: where fewer are, labels that
+#: could not be read look like blanks.
 MOST = 0.6
 #: No probability counts as closer to 0 or 1 than this.
 FLOOR = 0.03
