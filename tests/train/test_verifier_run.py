@@ -28,6 +28,7 @@ from fronto.segmentation import finds_in, segment
 from fronto.train.network import Network, NetworkOptions
 from fronto.train.pools import joined, read_pool, write_pool
 from fronto.train.shown import ShownOptions
+from fronto.train.start import _layers
 from fronto.train.verifier.collect import collect
 from fronto.train.verifier.export import export_verifier
 from fronto.train.verifier.fit import (
@@ -308,6 +309,29 @@ class TestRun:
         ):
             assert np.abs(theirs[0] - theirs[1]).max() > 1e-3
             np.testing.assert_allclose(ours, (theirs[0] + theirs[1]) / 2, atol=1e-4)
+
+    def test_a_run_goes_on_from_the_weights_that_it_started_from(
+        self, engine: Engine, photos: list[LabeledImage], tmp_path: Path
+    ) -> None:
+        run, start = tmp_path / "run", tmp_path / "start.npz"
+        arrays = {}
+        network = Network(NetworkOptions())
+        state = network.state_dict()
+        for module, convolution, normalization in _layers(network):
+            parts = ("weight", "bias", "running_mean", "running_var")
+            names = ("gamma", "beta", "moving_mean", "moving_variance")
+            arrays[f"{convolution}.weight"] = state[f"{module}.0.weight"].numpy()
+            for ours, theirs in zip(parts, names, strict=True):
+                arrays[f"{normalization}.{theirs}"] = state[f"{module}.1.{ours}"].numpy()
+        np.savez(start, **arrays)
+        told = train_verifier(photos, engine, run, OPTIONS, start=start, progress=False)
+        with pytest.raises(InputError, match="start"):
+            train_verifier(photos, engine, run, OPTIONS, progress=False)
+        # The same again, collected before or not.
+        (run / "last.pt").unlink()
+        again = train_verifier(photos, engine, run, OPTIONS, start=start, progress=False)
+        for name, value in told.state_dict().items():
+            torch.testing.assert_close(again.state_dict()[name], value)
 
     def test_a_run_is_for_one_network(
         self, engine: Engine, photos: list[LabeledImage], tmp_path: Path

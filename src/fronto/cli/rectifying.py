@@ -142,7 +142,7 @@ class Settings:
             beside: tuple[CompanionKind, ...] = ("relations", "verifier", "masks", "int8")
             files += [find_companion(weights, kind) for kind in beside]
         files += [self.template_file, self.source.file, depth]
-        # It tells plates from buttons, too.
+        # Categories, and which finds are plates, depend on it, too.
         reads = self.options.read_labels or outlines is None
         reader = packaged_reader(self.threads) if reads else None
         if reader is not None:

@@ -201,7 +201,7 @@ class Engine:
 
     @property
     def reader(self) -> ReaderEngine | None:
-        """What tells prints from blanks (`fronto.twins`): the package's; None where it has none."""
+        """What reads prints on finds (`fronto.prints`): the package's; None where it has none."""
         return packaged_reader(self.threads)
 
     def run(self, images: npt.NDArray[np.uint8], *, features: bool | None = None) -> Maps:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -79,7 +80,7 @@ def train_verifier(
     ------
     InputError
         If there are no photos for their share of the pictures, the starting weights are none, or
-        the folder holds a run for another network or of another verifier.
+        the folder holds a run for another network, from other weights or of another verifier.
     """
     import torch
 
@@ -107,8 +108,9 @@ def train_verifier(
         found = load_verifier(run / "last.pt").options
         same_network(run / "last.pt", asdict(found), asdict(options.network))
     values = {"fronto": __version__, "photos": len(photos), "weights": engine.digest}
+    values["start"] = None if start is None else hashlib.sha256(start.read_bytes()).hexdigest()[:8]
     values |= asdict(options)
-    check_run(run, values, ("weights", *COLLECTED))
+    check_run(run, values, ("weights", "start", *COLLECTED))
     run.mkdir(parents=True, exist_ok=True)
     write_bytes(run / "options.json", json_bytes(values))
     files = collected(
@@ -121,6 +123,8 @@ def train_verifier(
     )
     pools = [divided(read_pool(file, VerifierPool), HELD_OUT) for file in files]
     held_out = joined([first for first, _ in pools])
+    # Once more: collecting has drawn numbers, unless the files were there.
+    torch.manual_seed(options.fit.seed)
     return fit_verifier(
         network,
         joined([rest for _, rest in pools]),
