@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from fronto.engine.onnxfile import OnnxFile
+from fronto.engine.onnxfile import OnnxFile, file_digest, on_processor
 from fronto.errors import InputError
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "check_companion",
     "companion_stem",
     "find_companion",
+    "open_network",
     "replace_companion",
 ]
 
@@ -80,6 +82,48 @@ def check_companion(file: OnnxFile, network: str, key: str = "network") -> None:
             f"expected one for {network}, got one for {made_for or 'none'}",
             "make one for this network, or delete the file to do without",
         )
+
+
+def open_network(
+    path: Path,
+    format_: str,
+    threads: int | None,
+    providers: Sequence[str] | None,
+    int8: bool | None,
+) -> tuple[OnnxFile, str, bool]:
+    """A network's file, or the one in 8 bits beside it.
+
+    Parameters
+    ----------
+    path
+        The network's file.
+    format_
+        What its metadata must say.
+    threads, providers
+        As of `OnnxFile`.
+    int8
+        Whether 8 bits are wanted, where there is such a file; None: on the processor.
+
+    Returns
+    -------
+    The file that is to run, the first eight hexadecimal digits of the SHA-256 of the network's own,
+    and whether the one that is to run is in 8 bits.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, damaged or of another format, or the one in 8 bits is of another
+        network.
+    """
+    quantized = None
+    if int8 or (int8 is None and on_processor(providers)):
+        quantized = find_companion(path, "int8")
+    file = OnnxFile(quantized or path, format_, threads, providers)
+    if quantized is None:
+        return file, file.digest, False
+    digest = file_digest(path)
+    check_companion(file, digest, QUANTIZED_OF)
+    return file, digest, True
 
 
 def replace_companion(path: Path, stem: str) -> None:

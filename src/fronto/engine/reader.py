@@ -12,15 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.cores import usable_cores
-from fronto.engine.companion import QUANTIZED_OF, check_companion, find_companion
+from fronto.engine.companion import find_companion, open_network
 from fronto.engine.context import ContextEngine
-from fronto.engine.onnxfile import (
-    OnnxFile,
-    checked_bytes,
-    file_digest,
-    find_weights,
-    on_processor,
-)
+from fronto.engine.onnxfile import checked_bytes, find_weights
 from fronto.errors import InputError
 from fronto.labels.alphabet import CROP_PX, KINDS
 
@@ -112,15 +106,8 @@ class ReaderEngine:
         int8: bool | None = None,
     ) -> None:
         self.path = find_weights(stem="fronto-read") if path is None else Path(path)
-        quantized = None
-        if int8 or (int8 is None and on_processor(providers)):
-            quantized = find_companion(self.path, "int8")
-        self.int8 = quantized is not None
-        file = OnnxFile(quantized or self.path, FORMAT, threads, providers)
-        self.metadata, self.threads, self.digest = file.metadata, file.threads, file.digest
-        if quantized is not None:
-            self.digest = file_digest(self.path)
-            check_companion(file, self.digest, QUANTIZED_OF)
+        file, self.digest, self.int8 = open_network(self.path, FORMAT, threads, providers, int8)
+        self.metadata, self.threads = file.metadata, file.threads
         self.alphabet, self.kinds = file.metadata.get("alphabet", ""), file.names("kinds")
         if not self.alphabet or len(set(self.alphabet)) < len(self.alphabet):
             raise InputError(

@@ -9,15 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fronto.engine.companion import QUANTIZED_OF, check_companion, find_companion
+from fronto.engine.companion import find_companion, open_network
 from fronto.engine.masks import MaskEngine
-from fronto.engine.onnxfile import (
-    OnnxFile,
-    checked_bytes,
-    file_digest,
-    find_weights,
-    on_processor,
-)
+from fronto.engine.onnxfile import checked_bytes, find_weights
 from fronto.engine.reader import ReaderEngine, packaged_reader
 from fronto.engine.relations import RelationEngine
 from fronto.engine.verifier import VerifierEngine
@@ -142,16 +136,8 @@ class Engine:
         int8: bool | None = None,
     ) -> None:
         self.path = find_weights() if path is None else Path(path)
-        quantized = None
-        if int8 or (int8 is None and on_processor(providers)):
-            quantized = find_companion(self.path, "int8")
-        self.int8 = quantized is not None
-        file = OnnxFile(quantized or self.path, FORMAT, threads, providers)
+        file, self.digest, self.int8 = open_network(self.path, FORMAT, threads, providers, int8)
         self.metadata, self.threads = file.metadata, file.threads
-        self.digest = file.digest
-        if quantized is not None:
-            self.digest = file_digest(self.path)
-            check_companion(file, self.digest, QUANTIZED_OF)
         self.classes = file.names("classes")
         self.stride, self.multiple = file.whole("stride"), file.whole("multiple")
         if self.multiple % self.stride or not self.classes:
