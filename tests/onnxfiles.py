@@ -10,6 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 from fronto.categories import CATEGORIES
 from fronto.engine import FORMAT
 from fronto.engine.context import FORMAT as CONTEXT_FORMAT
+from fronto.engine.edges import FORMAT as EDGE_FORMAT
 from fronto.engine.masks import FORMAT as MASK_FORMAT
 from fronto.engine.reader import FORMAT as READER_FORMAT
 from fronto.engine.relations import FORMAT as HEAD_FORMAT
@@ -243,6 +244,34 @@ def verifier(
         if name not in drop
     ]
     tensors = [numpy_helper.from_array(np.asarray(v), name) for name, v in constants.items()]
+    return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
+
+
+def edge_head(
+    for_network,
+    *,
+    metadata=None,
+    bins=64,
+    about=3,
+    inputs=TensorProto.FLOAT,
+    drop=(),
+    operator="Identity",
+):
+    """An edge head for a network with this content: edges are where the photo is most red."""
+    metadata = {"format": EDGE_FORMAT, "network": digits(for_network)} | (metadata or {})
+    nodes = [
+        helper.make_node("Cast", ["profiles"], ["colors"], to=TensorProto.FLOAT),
+        helper.make_node("Gather", ["colors", "zero"], ["reds"], axis=3),
+        helper.make_node(operator, ["reds"], ["told"]),
+        helper.make_node("Softmax", ["told"], ["places"], axis=2),
+    ]
+    given = [
+        helper.make_tensor_value_info(name, inputs, shape)
+        for name, shape in (("profiles", ["n", 8, bins, 4]), ("about", ["n", about]))
+        if name not in drop
+    ]
+    answers = [helper.make_tensor_value_info("places", TensorProto.FLOAT, ["n", 8, bins])]
+    tensors = [numpy_helper.from_array(np.array(0), "zero")]
     return _content(helper.make_graph(nodes, "test", given, answers, tensors), metadata)
 
 

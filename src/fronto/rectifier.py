@@ -128,7 +128,10 @@ class Rectifier:
 
     def _outlined(self, segments: Segments, photo: Photo) -> Outlines:
         # Lines are looked for when the pose tells where they run.
-        return outline_stage(segments, photo, corners=self.options.corners, lines=False)
+        edges = True if self.engine is None else self.engine.edges or False
+        return outline_stage(
+            segments, photo, corners=self.options.corners, lines=False, edges=edges
+        )
 
     def __call__(
         self,

@@ -30,6 +30,7 @@ COMMANDS = (
     "relations",
     "verifier",
     "masks",
+    "edges",
     "evaluate",
     "render",
     "curves",

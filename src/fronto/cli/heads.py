@@ -23,7 +23,13 @@ C = TypeVar("C", bound=Callable[..., Any])
 
 
 def head_options(
-    *, pictures: int, renders: str, steps: int, batch: int, things: str, rate: float
+    *,
+    pictures: int,
+    renders: str | None = None,
+    steps: int,
+    batch: int,
+    things: str,
+    rate: float,
 ) -> Callable[[C], C]:
     """Options of such a command, with these defaults in their help.
 
@@ -32,13 +38,12 @@ def head_options(
     pictures
         To look at.
     renders
-        Share of renders.
+        Share of renders; None: the command takes no photos.
     steps, batch, rate
         Of training; `things` are what a batch is of.
     """
     count = click.IntRange(min=1)
     options = [
-        click.argument("data", nargs=-1, type=FILE, metavar="[DATA]..."),
         click.option(
             "--weights",
             type=FILE,
@@ -62,18 +67,7 @@ def head_options(
             metavar="DIR",
             help="Where it goes.  [beside the network]",
         ),
-        click.option(
-            "--split",
-            metavar="NAME",
-            help="Of DATA.  [default: train where there is one, else all]",
-        ),
         click.option("--pictures", type=count, metavar="N", help=f"To look at.  [{pictures}]"),
-        click.option(
-            "--renders",
-            type=FiniteRange(0, 1),
-            metavar="SHARE",
-            help=f"Share of renders.  [{renders}]",
-        ),
         click.option("--steps", type=count, metavar="N", help=f"Batches in all.  [{steps}]"),
         click.option("--batch", type=count, metavar="N", help=f"{things} in one.  [{batch}]"),
         click.option(
@@ -86,6 +80,22 @@ def head_options(
         ),
         click.option("-q", "--quiet", is_flag=True, help="No progress bar; print errors only."),
     ]
+
+    if renders is not None:
+        options[3:3] = [
+            click.argument("data", nargs=-1, type=FILE, metavar="[DATA]..."),
+            click.option(
+                "--split",
+                metavar="NAME",
+                help="Of DATA.  [default: train where there is one, else all]",
+            ),
+            click.option(
+                "--renders",
+                type=FiniteRange(0, 1),
+                metavar="SHARE",
+                help=f"Share of renders.  [{renders}]",
+            ),
+        ]
 
     def with_options(function: C) -> C:
         return reduce(lambda wrapped, option: option(wrapped), reversed(options), function)

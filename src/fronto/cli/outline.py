@@ -77,7 +77,9 @@ def command(
 
         image, segments = segment_photo(photo, engine, min_confidence, fast=fast)
         with about_photo(photo):
-            found = outline(segments, image, corners=corners, lines=not no_lines)
+            found = outline(
+                segments, image, corners=corners, lines=not no_lines, edges=engine.edges or False
+            )
         drawing = _write(found, image, output, photo)
         ms = sum(timing.get("total", 0.0) for timing in (segments.timing_ms, found.timing_ms))
         name, shown = click.format_filename(photo.name), click.format_filename(drawing)

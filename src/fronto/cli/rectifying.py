@@ -139,7 +139,7 @@ class Settings:
         weights = self.weights or find_weights()
         files: list[Path | None] = [outlines or weights]
         if outlines is None:
-            beside: tuple[CompanionKind, ...] = ("relations", "verifier", "masks", "int8")
+            beside: tuple[CompanionKind, ...] = ("relations", "verifier", "masks", "edges", "int8")
             files += [find_companion(weights, kind) for kind in beside]
         files += [self.template_file, self.source.file, depth]
         # Categories, and which finds are plates, depend on it, too.
@@ -290,7 +290,9 @@ class _Work:
     def _outline(self, segments: Segments, photo: npt.NDArray[np.uint8]) -> Outlines:
         from fronto.outlines import outline
 
-        found = outline(segments, photo, corners=self.settings.options.corners, lines=False)
+        edges = True if self._engine is None else self._engine.edges or False
+        corners = self.settings.options.corners
+        found = outline(segments, photo, corners=corners, lines=False, edges=edges)
         self.looked = (self.looked[0], self.looked[1] or found)
         return found
 

@@ -2,6 +2,7 @@
 
 from fronto.engine.companion import find_companion
 from fronto.engine.context import ContextEngine
+from fronto.engine.edges import EdgeEngine, packaged_edges
 from fronto.engine.masks import DrawnMasks, MaskEngine
 from fronto.engine.onnxfile import find_weights
 from fronto.engine.reader import LabelScores, ReaderEngine, packaged_reader
@@ -13,6 +14,7 @@ __all__ = [
     "FORMAT",
     "ContextEngine",
     "DrawnMasks",
+    "EdgeEngine",
     "Engine",
     "LabelScores",
     "Maps",
@@ -23,5 +25,6 @@ __all__ = [
     "VerifierEngine",
     "find_companion",
     "find_weights",
+    "packaged_edges",
     "packaged_reader",
 ]

@@ -19,10 +19,11 @@ __all__ = [
     "replace_companion",
 ]
 
-#: What there is: heads of finds (`fronto.relations`), of their masks (`fronto.maskhead`), a second
-#: opinion on them (`fronto.verification`), heads of labels (`fronto.labels.context`), and the
-#: network itself with whole numbers (`fronto.train.quantize`).
-CompanionKind = Literal["relations", "verifier", "masks", "context", "int8"]
+#: What there is: heads of finds (`fronto.relations`), of their masks (`fronto.maskhead`) and these
+#: masks' edges (`fronto.outlines.edgeprofiles`), a second opinion on finds (`fronto.verification`),
+#: heads of labels (`fronto.labels.context`), and the network itself with whole numbers
+#: (`fronto.train.quantize`).
+CompanionKind = Literal["relations", "verifier", "masks", "edges", "context", "int8"]
 
 
 #: Metadata key of a network in 8 bits: the file that it was made from ("network" is its options).
@@ -40,7 +41,8 @@ def find_companion(network: Path, kind: CompanionKind = "relations") -> Path | N
     The relation head of ``fronto-seg-1a2b3c4d.onnx`` is
     ``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, its verifier
     ``fronto-seg-1a2b3c4d.verifier-5e6f7a8b.onnx``, its mask head
-    ``fronto-seg-1a2b3c4d.masks-5e6f7a8b.onnx``; the context head of a reader's
+    ``fronto-seg-1a2b3c4d.masks-5e6f7a8b.onnx``, its edge head
+    ``fronto-seg-1a2b3c4d.edges-5e6f7a8b.onnx``; the context head of a reader's
     ``fronto-read-1a2b3c4d.onnx`` is ``fronto-read-1a2b3c4d.context-5e6f7a8b.onnx``; the network in
     8 bits is ``fronto-seg-1a2b3c4d.int8-5e6f7a8b.onnx``.
 

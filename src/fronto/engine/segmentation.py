@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fronto.engine.companion import find_companion, open_network
+from fronto.engine.edges import EdgeEngine
 from fronto.engine.masks import MaskEngine
 from fronto.engine.onnxfile import checked_bytes, find_weights
 from fronto.engine.reader import ReaderEngine, packaged_reader
@@ -67,10 +68,10 @@ class Engine:
     path
         The ONNX file, as ``fronto export`` writes it; None: the one in the package. Where
         its name ends in eight hexadecimal digits (``fronto-seg-1a2b3c4d.onnx``), they must
-        begin its SHA-256. The relation head, the verifier and the mask head that lie beside it
-        (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, ``...verifier-5e6f7a8b.onnx``,
-        ``...masks-5e6f7a8b.onnx``) are used, where there are any, and so is the same network in
-        8 bits (``...int8-5e6f7a8b.onnx``).
+        begin its SHA-256. The relation head, the verifier, the mask head and the edge head that lie
+        beside it (``fronto-seg-1a2b3c4d.relations-5e6f7a8b.onnx``, ``...verifier-5e6f7a8b.onnx``,
+        ``...masks-5e6f7a8b.onnx``, ``...edges-5e6f7a8b.onnx``) are used, where there are any, and
+        so is the same network in 8 bits (``...int8-5e6f7a8b.onnx``).
     threads
         Threads that work on one call; None: as many as `usable_cores` counts.
     providers
@@ -112,6 +113,8 @@ class Engine:
         What tells of each find by itself what it is; None where there is none.
     masks
         The mask head; None where there is none.
+    edges
+        The edge head, for `fronto.outline`; None where there is none.
     """
 
     path: Path
@@ -126,6 +129,7 @@ class Engine:
     relations: RelationEngine | None
     verifier: VerifierEngine | None
     masks: MaskEngine | None
+    edges: EdgeEngine | None
 
     def __init__(
         self,
@@ -181,6 +185,12 @@ class Engine:
         self.masks = None
         if companion is not None:
             self.masks = MaskEngine(
+                companion, network=self.digest, threads=threads, providers=providers
+            )
+        companion = find_companion(self.path, "edges")
+        self.edges = None
+        if companion is not None:
+            self.edges = EdgeEngine(
                 companion, network=self.digest, threads=threads, providers=providers
             )
         self._file = file

@@ -13,6 +13,8 @@
 
 /* Samples on a station's line, and channels: the most there may be. */
 enum { MOST_ACROSS = 96, MOST_CHANNELS = 4, MOST_LINE = MOST_ACROSS * MOST_CHANNELS };
+/* Stations of a curve whose mean is taken: the most there may be. */
+enum { MOST_COUNT = 16 };
 
 /* A photo: rows of pixels of some channels. */
 typedef struct {
@@ -97,6 +99,32 @@ FRONTO_API void fronto_lines(const uint8_t *image, int64_t height, int64_t width
             sample_line(&photo, 3, from, by, across, line);
         else
             sample_line(&photo, (int)channels, from, by, across, line);
+    }
+}
+
+/* The mean of each curve's lines, and how far they differ from it: as fronto_lines without `extra`,
+ * count up to MOST_COUNT -> profiles (n, across, channels + 1) */
+FRONTO_API void fronto_profiles(const uint8_t *image, int64_t height, int64_t width,
+                                int64_t channels, int64_t n, int64_t count, const double *xy,
+                                const double *normal, const double *reach, int64_t across,
+                                float *profiles) {
+    float lines[MOST_COUNT * MOST_LINE];
+    const float share = 1.0f / (float)count;
+    for (int64_t i = 0; i < n; i++) {
+        fronto_lines(image, height, width, channels, 1, count, xy + 2 * i * count,
+                     normal + 2 * i * count, reach + i, across, 0, lines);
+        for (int64_t s = 0; s < across; s++) {
+            float *told = profiles + (i * across + s) * (channels + 1), differences = 0;
+            for (int64_t k = 0; k < channels; k++) {
+                const float *value = lines + s * channels + k;
+                float sum = 0;
+                for (int64_t j = 0; j < count; j++) sum += value[j * across * channels];
+                told[k] = share * sum;
+                for (int64_t j = 0; j < count; j++)
+                    differences += fabsf(value[j * across * channels] - told[k]);
+            }
+            told[channels] = share * differences / (float)channels;
+        }
     }
 }
 

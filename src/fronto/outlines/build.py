@@ -118,7 +118,10 @@ def measured(
     fits = np.sqrt(variance.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     fits = np.where(np.array([kind == "odd" for kind in shapes.kind]), ODD_STD * points.size, fits)
     quad_off = systematic("quad", refined.from_image.mean(axis=1))
-    quad, quad_form = (np.hypot(fits, one) for one in quad_off)
+    quad, quad_form = (
+        np.where(np.isfinite(told), told, np.hypot(fits, one))
+        for told, one in zip((refined.std, refined.form_std), quad_off, strict=True)
+    )
     ellipse_off = systematic("ellipse", refined.ellipse_from_image.astype(float))
     border = np.bincount(points.owner[points.border], minlength=n) > 0
     return Measured(
@@ -161,6 +164,26 @@ def _ellipse(segment: Segment, m: Measured, k: int) -> Outline | str:
         )
     except (InputError, np.linalg.LinAlgError):
         return "no ellipse fits it"
+    std, form_std = _ellipse_stds(m, k)
+    return Outline.ellipse(
+        ellipse.cx,
+        ellipse.cy,
+        ellipse.a,
+        ellipse.b,
+        ellipse.angle_deg,
+        std_px=std,
+        form_std_px=form_std,
+        category=segment.category,
+        confidence=segment.confidence,
+        truncated=bool(m.at_border[k]),
+        shape_confidence=float(m.shapes.confidence[k]),
+    )
+
+
+def _ellipse_stds(m: Measured, k: int) -> tuple[float, float]:
+    """Deviation of an ellipse's centre and axes, and of its form."""
+    if math.isfinite(m.refined.std[k]):
+        return float(m.refined.std[k]), float(m.refined.form_std[k])
     spread = max(float(m.refined.ellipse_rms[k]), 0.1)
     if m.refined.ellipse_from_image[k]:
         # Two parameters' variance each from half the stations, as on a full circle.
@@ -169,18 +192,9 @@ def _ellipse(segment: Segment, m: Measured, k: int) -> Outline | str:
         inverse = m.shapes.ellipses.inverse[k]
         variance = float(inverse[0, 0] + inverse[1, 1]) / 2
         statistical = spread * math.sqrt(max(variance, 0.0) * TOGETHER)
-    return Outline.ellipse(
-        ellipse.cx,
-        ellipse.cy,
-        ellipse.a,
-        ellipse.b,
-        ellipse.angle_deg,
-        std_px=math.hypot(statistical, float(m.ellipse_off[k])),
-        form_std_px=math.hypot(statistical, float(m.ellipse_form_off[k])),
-        category=segment.category,
-        confidence=segment.confidence,
-        truncated=bool(m.at_border[k]),
-        shape_confidence=float(m.shapes.confidence[k]),
+    return (
+        math.hypot(statistical, float(m.ellipse_off[k])),
+        math.hypot(statistical, float(m.ellipse_form_off[k])),
     )
 
 

@@ -13,6 +13,8 @@ import numpy.typing as npt
 from fronto.errors import InputError
 from fronto.outlines.agreement import agreeing_orders, at_odds, doubles
 from fronto.outlines.build import built, measured
+from fronto.outlines.edgehead import told_edges
+from fronto.outlines.edgeprofiles import EdgeHead
 from fronto.outlines.edges import edge_points
 from fronto.outlines.hough import hough_corners
 from fronto.outlines.kinds import find_shapes
@@ -38,6 +40,7 @@ def outline(
     *,
     corners: Literal["subpixel", "hough"] = "subpixel",
     lines: bool = True,
+    edges: EdgeHead | bool = True,
     order: Literal["rgb", "bgr"] = "rgb",
 ) -> Outlines:
     """Find the corners of rectangular buttons and the ellipses of round ones.
@@ -59,6 +62,9 @@ def outline(
     lines
         Whether to look for long lines of the panel in the photo, which help the pose
         ("subpixel" with an image only).
+    edges
+        What tells which of the photo's edges is a button's, for masks that a mask head has drawn
+        (`Segment.forms`): True is the edge head in the package, where it has one; False is none.
     order
         Order of an array's channels.
 
@@ -94,7 +100,11 @@ def outline(
     if corners == "hough":
         rgb = None
     read = time.perf_counter()
-    found = [_found(part, rgb, segments, corners) for part in (segments.buttons, segments.plates)]
+    head = _head(edges, segments) if rgb is not None else None
+    found = [
+        _found(part, rgb, segments, corners, by)
+        for part, by in ((segments.buttons, head), (segments.plates, None))
+    ]
     (buttons, sources, reasons), (plates, _, _) = found
     outlined = time.perf_counter()
     context: list[LineSegment] = []
@@ -120,6 +130,16 @@ def outline(
     )
 
 
+def _head(edges: EdgeHead | bool, segments: Segments) -> EdgeHead | None:
+    if not isinstance(edges, bool):
+        return edges
+    if not edges or not any(segment.forms for segment in segments.buttons):
+        return None
+    from fronto.engine import packaged_edges
+
+    return packaged_edges()
+
+
 def _photo(image: Any, segments: Segments, order: Literal["rgb", "bgr"]) -> npt.NDArray[np.uint8]:
     from fronto.images import as_rgb
 
@@ -140,16 +160,21 @@ def _found(
     rgb: npt.NDArray[np.uint8] | None,
     photo: Segments,
     corners: Literal["subpixel", "hough"],
+    edges: EdgeHead | None,
 ) -> tuple[list[Outline], list[float], list[str]]:
     """Outlines, the share of each that is from the photo, and why others have none."""
     if not segments:
         return [], [], []
     points = edge_points(segments, photo.width_px, photo.height_px)
-    told = [segment.forms for segment in segments]
-    forms = np.array(told) if corners == "subpixel" and all(told) else None
+    seen = [segment.forms for segment in segments]
+    forms = np.array(seen) if corners == "subpixel" and all(seen) else None
     shapes = find_shapes(points, rgb, forms)
     drawn = np.array([bool(segment.forms) for segment in segments])
-    refined = refine(rgb, shapes, points.size, points.blur, drawn)
+    told = None
+    if rgb is not None and edges is not None:
+        at_border = np.bincount(points.owner[points.border], minlength=len(drawn)) > 0
+        told = told_edges(rgb, shapes, points.size, points.blur, drawn & ~at_border, edges)
+    refined = refine(rgb, shapes, points.size, points.blur, drawn, told)
     known = measured(points, shapes, refined, drawn)
     from_photo = refined.from_image.mean(axis=1)
     outlines, sources, reasons = [], [], []

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fronto.native import address, library
 from fronto.shapes import FloatArray
 
-__all__ = ["Edges", "Stations", "common_offset", "find_edges", "sampled"]
+__all__ = ["Edges", "Stations", "common_offset", "find_edges", "mean_profiles", "sampled"]
 
 #: First look and closer look: samples across a curve, on either side of it.
 ACROSS = (12, 8)
@@ -34,6 +34,8 @@ TOGETHER = 3.5
 LEAST_STEP = 0.35
 #: Edges of one photo are at the same place of each button, but for this much, in sizes.
 SAME_SD, SAME_SD_PX = 0.012, 0.4
+#: What the compiled side has room for: stations whose mean is taken, samples across.
+MOST_STATIONS, MOST_ACROSS = 16, 96
 
 
 class Stations(NamedTuple):
@@ -137,6 +139,43 @@ def _lines(image: npt.NDArray[Any], stations: Stations, reach: FloatArray, look:
     return _Lines(values, kernel.astype(np.float32), stations.signed)
 
 
+def mean_profiles(
+    image: npt.NDArray[Any], xy: FloatArray, normal: FloatArray, reach: FloatArray, across: int
+) -> npt.NDArray[np.float32]:
+    """The photo (h, w, channels), uint8, across curves, each one's stations taken together.
+
+    Parameters
+    ----------
+    xy, normal
+        (c, k, 2): stations, and unit normals; k up to 16.
+    reach
+        (c,): of the outermost samples on either side, pixels.
+    across
+        How many samples, up to 96.
+
+    Returns
+    -------
+    Shape (c, across, channels + 1), from the side that normals point away from: means over the
+    stations, and their mean absolute difference from these.
+    """
+    curves, count = xy.shape[:2]
+    assert count <= MOST_STATIONS
+    assert across <= MOST_ACROSS
+    image = np.ascontiguousarray(image)
+    values = np.empty((curves, across, image.shape[2] + 1), np.float32)
+    where = [np.ascontiguousarray(a, np.float64) for a in (xy, normal, reach)]
+    _kernels().fronto_profiles(
+        address(image, np.uint8),
+        *image.shape,
+        curves,
+        count,
+        *(address(a, np.float64) for a in where),
+        across,
+        address(values, np.float32),
+    )
+    return values
+
+
 def sampled(image: npt.NDArray[Any], places: FloatArray) -> npt.NDArray[np.float32]:
     """The photo (h, w, channels), uint8, at places (..., 2), pixels; shape (..., channels).
 
@@ -166,6 +205,10 @@ def _kernels() -> Any:
         *photo, size, size, pointer, pointer, pointer, size, size, pointer
     ]  # fmt: skip
     kernels.fronto_lines.restype = None
+    kernels.fronto_profiles.argtypes = [
+        *photo, size, size, pointer, pointer, pointer, size, pointer
+    ]  # fmt: skip
+    kernels.fronto_profiles.restype = None
     kernels.fronto_peaks.argtypes = [
         size, size, pointer, ctypes.c_double, pointer, size, pointer, pointer, pointer
     ]  # fmt: skip

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from fronto.outlines.edgehead import Told
 from fronto.outlines.fits import (
     NEXT,
     Ellipses,
-    Quads,
     ellipse_frames,
     fit_ellipses,
     intersections,
@@ -35,6 +36,8 @@ OFF_PX, OFF_BLUR, OFF_SHARE, AWAY = 0.3, 0.2, 0.004, 2.5
 TURNED_RAD = np.radians(6.0)
 #: Drawn masks of smaller quads tell their place and size better than the photo's edges.
 SMALL_PX = 40.0
+#: Larger quads that an edge head has told: their edges show their form better, this near, pixels.
+CLOSE_PX, CLOSE_OFF_PX = 40.0, 0.3
 #: Smaller buttons have too few pixels for an edge of their own.
 LEAST_SIZE_PX = 6.0
 
@@ -57,6 +60,9 @@ class Refined:
         (n,): deviation of the edge points from them, pixels.
     ellipse_from_image
         (n,): ellipses taken from the photo.
+    std, form_std
+        (n,): deviation of the outline and of its form where an edge head has told it, pixels; NaN:
+        it follows from the fits.
     """
 
     lines: FloatArray
@@ -65,6 +71,8 @@ class Refined:
     shape: FloatArray
     ellipse_rms: FloatArray
     ellipse_from_image: npt.NDArray[np.bool_]
+    std: FloatArray
+    form_std: FloatArray
 
 
 def refine(
@@ -73,11 +81,13 @@ def refine(
     size: FloatArray,
     blur: FloatArray,
     drawn: npt.NDArray[np.bool_] | None = None,
+    told: Told | None = None,
 ) -> Refined:
     """Move the outlines to the photo's edges where these agree with the masks.
 
     Small quads that a mask head has drawn take only their form from there: where they are, and
-    how large, it knows better (measured, see docs/outlines.md).
+    how large, it knows better (measured, see docs/outlines.md). Outlines that an edge head has told
+    are taken as they are; large quads of them are looked at once more, closely.
 
     Parameters
     ----------
@@ -91,6 +101,8 @@ def refine(
         (n,): pixels over which each mask's edge goes from 0 to 1.
     drawn
         (n,): whether a mask head has drawn it; None: no mask.
+    told
+        What an edge head has told; None: nothing.
     """
     off = OFF_PX + OFF_BLUR * blur + OFF_SHARE * size
     quads, ellipses = shapes.quads, shapes.ellipses
@@ -98,13 +110,17 @@ def refine(
     from_image = np.zeros(rms.shape, bool)
     shape, ellipse_rms = ellipses.shape.copy(), ellipses.rms.copy()
     round_from_image = np.zeros(len(size), bool)
+    std, form_std = np.full(len(size), np.nan), np.full(len(size), np.nan)
+    open_ = np.ones(len(size), bool)
+    if told is not None:
+        open_[told.rows] = False
     if image is not None and len(size):
         kinds = np.array(shapes.kind)
-        large = size >= LEAST_SIZE_PX
+        large = open_ & (size >= LEAST_SIZE_PX)
         meeting = np.isfinite(intersections(quads.lines)).all(axis=(1, 2))
         rows = np.flatnonzero((kinds == "quad") & large & meeting)
         if len(rows):
-            found = _sides(image, quads, shapes.radius, size, off, rows)
+            found = _sides(image, quads.lines, quads.rms, shapes.radius, size, off, rows, (0, 1))
             lines[rows], rms[rows], from_image[rows] = found
         if drawn is not None:
             small = from_image.all(axis=1) & drawn & (size < SMALL_PX)
@@ -114,25 +130,39 @@ def refine(
             shape[rows], ellipse_rms[rows], round_from_image[rows] = _ellipses(
                 image, ellipses, size, off, rows
             )
-    return Refined(lines, rms, from_image, shape, ellipse_rms, round_from_image)
+    if told is not None:
+        lines[told.rows], shape[told.rows] = told.lines, told.shape
+        from_image[told.rows], round_from_image[told.rows] = True, True
+        std[told.rows], form_std[told.rows] = told.std, told.form_std
+        kinds = np.array(shapes.kind)[told.rows]
+        rows = told.rows[(kinds == "quad") & (size[told.rows] >= CLOSE_PX)]
+        if image is not None and len(rows):
+            off = CLOSE_OFF_PX + OFF_SHARE * size
+            found = _sides(image, lines, rms, shapes.radius, size, off, rows, (1,))
+            sure = found[2].all(axis=1)
+            rows = rows[sure]
+            lines[rows], rms[rows], form_std[rows] = found[0][sure], found[1][sure], np.nan
+    return Refined(lines, rms, from_image, shape, ellipse_rms, round_from_image, std, form_std)
 
 
 def _sides(
     image: npt.NDArray[Any],
-    quads: Quads,
+    start: FloatArray,
+    start_rms: FloatArray,
     radius: FloatArray,
     size: FloatArray,
     off: FloatArray,
     rows: npt.NDArray[np.intp],
+    looks: Sequence[int],
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    own = np.isfinite(quads.rms[rows])  # sides that are seen
-    masks = quads.lines[rows]
-    lines, rms = masks, quads.rms[rows]
+    own = np.isfinite(start_rms[rows])  # sides that are seen
+    masks = start[rows]
+    lines, rms = masks, start_rms[rows]
     share = np.minimum(MOST_SHARE, 1 - radius[rows])
     straight = np.maximum(STRAIGHT_PX, 0.012 * size[rows])[:, None]
     corners = intersections(masks)
     good = own
-    for look in (0, 1):
+    for look in looks:
         stations, t = _side_stations(intersections(lines), share, size[rows], off[rows])
         edges = find_edges(image, stations, look)
         moved = move_sides(lines, edges.offset.reshape(*own.shape, -1), t, masks)
@@ -150,7 +180,7 @@ def _sides(
         far = np.abs(intersections(lines) - corners).max(axis=(1, 2))
         good &= (far <= size[rows])[:, None]
         lines = np.where(good[..., None], moved.lines, masks)
-        rms = np.where(good, moved.spread, quads.rms[rows])
+        rms = np.where(good, moved.spread, start_rms[rows])
     return lines, rms, good
 
 

@@ -1,0 +1,78 @@
+"""From a trained edge head to the file that `fronto.engine` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+import torch
+from torch import Tensor, nn
+
+from fronto.engine import Engine
+from fronto.engine.companion import companion_stem, replace_companion
+from fronto.engine.edges import FORMAT
+from fronto.outlines.edgeprofiles import ABOUT, BINS, CHANNELS, CURVES
+from fronto.train.edges.network import EdgeNetwork
+from fronto.train.onnxwriter import write_onnx
+
+__all__ = ["export_edges"]
+
+
+class _Deployed(nn.Module):
+    """Grey levels in, probabilities out: the mean of several heads."""
+
+    def __init__(self, networks: Sequence[EdgeNetwork]) -> None:
+        super().__init__()
+        self.networks = nn.ModuleList(networks)
+
+    def forward(self, profiles: Tensor, about: Tensor) -> Tensor:
+        told = [network(profiles / 255, about).softmax(dim=-1) for network in self.networks]
+        return torch.stack(told).sum(dim=0) / len(told)
+
+
+def export_edges(
+    networks: Sequence[EdgeNetwork], engine: Engine, directory: Path, metadata: Mapping[str, str]
+) -> Path:
+    """Write a head beside its network: ``NETWORK.edges-xxxxxxxx.onnx``.
+
+    One that is there already is replaced: a network has one.
+
+    Inputs ``profiles`` (n, 8, 64, 4) and ``about`` (n, 3), as `fronto.outlines.edgeprofiles` makes
+    them; output ``places`` (n, 8, 64), probabilities.
+
+    Parameters
+    ----------
+    networks
+        What `fronto.train.edges.fit.fit_edges` gives; of several the mean is taken.
+    engine
+        The network on whose masks it was trained.
+    directory
+        Folder to write to; made where missing.
+    metadata
+        Put into the file beside what is known here: version, licence, training data, ...
+
+    Returns
+    -------
+    The file.
+    """
+    n = torch.export.Dim("outlines", min=1)
+    name = companion_stem(engine.path, "edges")
+    path = write_onnx(
+        _Deployed(networks).eval(),
+        [torch.zeros(3, CURVES, BINS, CHANNELS), torch.zeros(3, ABOUT)],
+        inputs=["profiles", "about"],
+        outputs=["places"],
+        dynamic=[{0: n}, {0: n}],
+        metadata={
+            "format": FORMAT,
+            "network": engine.digest,
+            "options": msgspec.json.encode([asdict(one.options) for one in networks]).decode(),
+            **metadata,
+        },
+        directory=directory,
+        name=name,
+    )
+    replace_companion(path, name)
+    return path
