@@ -131,6 +131,7 @@ def companions(weights: Path) -> dict[str, Path]:
         "relation head": find_companion(weights),
         "verifier": find_companion(weights, "verifier"),
         "mask head": find_companion(weights, "masks"),
+        "edge head": find_companion(weights, "edges"),
     }
     return {name: path for name, path in found.items() if path is not None}
 

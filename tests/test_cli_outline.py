@@ -40,7 +40,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, panel: PanelPhoto) -> list[dict[str, 
         if path is not None and not path.exists():
             raise InputError(f"weights {path}", "expected a file, there is none")
         calls.append({"path": path, **options})
-        return SimpleNamespace(path=Path("net.onnx"))
+        return SimpleNamespace(path=Path("net.onnx"), edges=None)
 
     def segment(image: Any, *, engine: Any, **options: Any) -> Segments:
         calls.append(options)
@@ -164,8 +164,8 @@ def test_options_reach_their_places(
     assert asked[-1] == {"min_confidence": 0.5, "second_look": True}
     rough = read_outlines(out / "hall.outlines.json")
     assert options == [
-        {"corners": "subpixel", "lines": True},
-        {"corners": "hough", "lines": False},
+        {"corners": "subpixel", "lines": True, "edges": False},
+        {"corners": "hough", "lines": False, "edges": False},
     ]
     assert rough.lines == ()
     assert {o.std_px for o in rough.outlines} != {o.std_px for o in sharp.outlines}

@@ -111,16 +111,20 @@ def test_only_masks_that_a_head_has_drawn_are_asked_about():
 
 
 def test_what_the_border_cuts_and_what_is_tiny_is_not_asked_about():
-    mask = np.zeros((3, 90, 120), bool)
+    mask = np.zeros((4, 90, 160), bool)
     mask[0, 30:60, 40:80] = True
     mask[1, 0:20, 40:70] = True
     mask[2, 80:85, 80:85] = True
-    segments = drawn(Segments.from_masks(mask), "quad")
+    mask[3, 30:60, 100:140] = True
     picture = np.repeat((60 + 150 * mask.any(axis=0)).astype(np.uint8)[..., None], 3, axis=2)
     teller = Teller(0.0)
+    segments = drawn(Segments.from_masks(mask), "quad")
     found = outline(segments, picture, lines=False, edges=teller)
-    assert teller.asked == [1]
+    assert teller.asked == [2]
     assert any(o.truncated for o in found.buttons)
+    alone = drawn(Segments.from_masks(mask[:1]), "quad")
+    outline(alone, picture, lines=False, edges=teller)
+    assert teller.asked == [2]  # one by itself does not tell
 
 
 def test_round_and_rectangular_ones_together_keep_their_order():

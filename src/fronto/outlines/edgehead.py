@@ -40,8 +40,10 @@ LEAST_SIZE_PX = 6.0
 AROUND = (0.3, 0.05)
 SIDES, HALVES = (0.4, 0.02), (0.05, 0.012)
 HARMONICS, EIGHTHS = (0.25, 0.015), (0.03, 0.001)
-#: Forms are this much more exact than that says: the head's errors are alike on all curves.
-FORM = 0.7
+#: What is left open comes out so much larger than errors on renders are: of outlines, of forms.
+STD, FORM = 0.8, 0.85
+#: One button by itself does not tell which of its edges is meant.
+LEAST_OUTLINES = 2
 #: Which edge is meant the head may get wrong all around: a deviation, as above.
 WRONG = (0.1, 0.02)
 #: What the head's own deviation does not show, pixels.
@@ -112,6 +114,8 @@ def told_edges(
     if asked is None:
         return None
     rows, curves, is_round = asked
+    if len(rows) < LEAST_OUTLINES:
+        return None
     probability = head.run(profiles(image, curves), about(size[rows], blur[rows], is_round))
     places = told_places(probability, curves)
     offset, covariance = _weighed(*places, size[rows], is_round)
@@ -124,7 +128,7 @@ def told_edges(
         shape[is_round] = fit_ellipses(points.reshape(-1, 2), first, shape[is_round]).shape
     share = np.minimum(SHARE, 1 - shapes.radius[rows])
     stds = np.where(is_round, _ellipse_stds(covariance), _quad_stds(covariance, share))
-    return Told(rows, lines, shape, stds[0], FORM * stds[1])
+    return Told(rows, lines, shape, STD * stds[0], FORM * stds[1])
 
 
 def asked_about(
