@@ -127,9 +127,9 @@ class TestBesideItsNetwork:
         assert path.name in str(caught.value)
 
     def test_the_packages_is_its_networks(self) -> None:
-        packaged = packaged_edges(1)
+        packaged = packaged_edges()
         assert packaged is not None
-        assert packaged is packaged_edges(1)
+        assert packaged is packaged_edges()
         assert packaged.metadata["network"] == Engine(threads=1).digest
         assert packaged.metadata["license"]
         assert packaged.metadata["training_data"]

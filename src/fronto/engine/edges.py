@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fronto.cores import usable_cores
 from fronto.engine.companion import check_companion, find_companion
 from fronto.engine.onnxfile import FLOATS, OnnxFile, find_weights
 from fronto.errors import InputError
@@ -34,7 +33,7 @@ class EdgeEngine:
         First eight hexadecimal digits of the SHA-256 of the network's file: the head was trained
         on the masks that are drawn for that network. None: of whichever.
     threads
-        Threads that work on one call; None: as many as `usable_cores` counts.
+        Threads that work on one call; it is so small that one is fastest.
     providers
         ONNX Runtime's names of what to compute on, best first; None: the processor.
 
@@ -60,7 +59,7 @@ class EdgeEngine:
         path: Path,
         *,
         network: str | None = None,
-        threads: int | None = None,
+        threads: int | None = 1,
         providers: Sequence[str] | None = None,
     ) -> None:
         file = OnnxFile(path, FORMAT, threads, providers)
@@ -114,25 +113,16 @@ class EdgeEngine:
         return told
 
 
-def packaged_edges(threads: int | None = None) -> EdgeEngine | None:
+@cache
+def packaged_edges() -> EdgeEngine | None:
     """The edge head of the packaged network; None where the package has none.
 
     Made on first use, then kept.
-
-    Parameters
-    ----------
-    threads
-        That work on one call; None: all usable cores.
 
     Raises
     ------
     InputError
         If there is one, and it cannot be used.
     """
-    return _packaged(usable_cores() if threads is None else threads)
-
-
-@cache
-def _packaged(threads: int) -> EdgeEngine | None:
     path = find_companion(find_weights(), "edges")
-    return None if path is None else EdgeEngine(path, threads=threads)
+    return None if path is None else EdgeEngine(path)

@@ -190,9 +190,7 @@ class Engine:
         companion = find_companion(self.path, "edges")
         self.edges = None
         if companion is not None:
-            self.edges = EdgeEngine(
-                companion, network=self.digest, threads=threads, providers=providers
-            )
+            self.edges = EdgeEngine(companion, network=self.digest, providers=providers)
         self._file = file
 
     @property

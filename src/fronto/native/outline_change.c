@@ -108,22 +108,25 @@ FRONTO_API void fronto_profiles(const uint8_t *image, int64_t height, int64_t wi
                                 int64_t channels, int64_t n, int64_t count, const double *xy,
                                 const double *normal, const double *reach, int64_t across,
                                 float *profiles) {
-    float lines[MOST_COUNT * MOST_LINE];
+    float lines[MOST_COUNT * MOST_LINE], means[MOST_LINE], differences[MOST_LINE];
     const float share = 1.0f / (float)count;
+    const int64_t values = across * channels;
     for (int64_t i = 0; i < n; i++) {
         fronto_lines(image, height, width, channels, 1, count, xy + 2 * i * count,
                      normal + 2 * i * count, reach + i, across, 0, lines);
+        for (int64_t v = 0; v < values; v++) means[v] = differences[v] = 0;
+        for (int64_t j = 0; j < count; j++)
+            for (int64_t v = 0; v < values; v++) means[v] += share * lines[j * values + v];
+        for (int64_t j = 0; j < count; j++)
+            for (int64_t v = 0; v < values; v++)
+                differences[v] += fabsf(lines[j * values + v] - means[v]);
         for (int64_t s = 0; s < across; s++) {
-            float *told = profiles + (i * across + s) * (channels + 1), differences = 0;
+            float *told = profiles + (i * across + s) * (channels + 1), sum = 0;
             for (int64_t k = 0; k < channels; k++) {
-                const float *value = lines + s * channels + k;
-                float sum = 0;
-                for (int64_t j = 0; j < count; j++) sum += value[j * across * channels];
-                told[k] = share * sum;
-                for (int64_t j = 0; j < count; j++)
-                    differences += fabsf(value[j * across * channels] - told[k]);
+                told[k] = means[s * channels + k];
+                sum += differences[s * channels + k];
             }
-            told[channels] = share * differences / (float)channels;
+            told[channels] = share * sum / (float)channels;
         }
     }
 }

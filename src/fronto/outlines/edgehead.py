@@ -38,7 +38,7 @@ LEAST_SIZE_PX = 6.0
 #: renders: all around; of a quad's sides, and of their halves; of an ellipse's place and form, and
 #: of its eighths.
 AROUND = (0.3, 0.05)
-SIDES, HALVES = (0.4, 0.02), (0.05, 0.012)
+SIDES, HALVES = (0.4, 0.02), (0.08, 0.015)
 HARMONICS, EIGHTHS = (0.25, 0.015), (0.03, 0.001)
 #: What is left open comes out so much larger than errors on renders are: of outlines, of forms.
 STD, FORM = 0.8, 0.85
@@ -57,6 +57,9 @@ _WAVES = np.stack(
 )
 #: Moving a quad to the right, down, and making it larger, as moves of its sides' two ends outwards.
 _MOVES = np.repeat([[0, 1, 0, -1], [-1, 0, 1, 0], [1, 1, 1, 1]], 2, axis=1)
+#: From places to what a quad's form is of them, and to an ellipse's size, place and form.
+_FORM = np.eye(CURVES) - _MOVES.T @ np.linalg.pinv(_MOVES.T)
+_WAVES_OF = np.linalg.pinv(_WAVES)
 
 
 class Told(NamedTuple):
@@ -183,18 +186,15 @@ def _quad_stds(covariance: FloatArray, share: FloatArray) -> FloatArray:
         ends[:, k, k] = ends[:, k + 1, k + 1] = out
         ends[:, k, k + 1] = ends[:, k + 1, k] = 1 - out
     at_ends = ends @ covariance @ ends.swapaxes(1, 2)
-    form = np.eye(CURVES) - _MOVES.T @ np.linalg.pinv(_MOVES.T)
-    parts = (at_ends, form @ at_ends @ form.T)
+    parts = (at_ends, _FORM @ at_ends @ _FORM.T)
     variances = [np.trace(part, axis1=1, axis2=2) / CURVES for part in parts]
     return np.asarray(np.sqrt(np.stack(variances)))
 
 
 def _ellipse_stds(covariance: FloatArray) -> FloatArray:
     """Deviation of centre and axes, and of half the axes' difference: (2, n)."""
-    inverse = np.linalg.pinv(_WAVES)
-    around, *others = np.moveaxis(
-        np.diagonal(inverse @ covariance @ inverse.T, axis1=1, axis2=2), 1, 0
-    )
+    waves = _WAVES_OF @ covariance @ _WAVES_OF.T
+    around, *others = np.moveaxis(np.diagonal(waves, axis1=1, axis2=2), 1, 0)
     place, form = (others[0] + others[1]) / 2, (others[2] + others[3]) / 2
     return np.asarray(np.sqrt(np.stack([(place + around + form) / 2, form])))
 

@@ -45,7 +45,7 @@ DIFFERENCES = 2.0
 #: Logarithm of a usual size in pixels.
 USUAL_SIZE = 3.5
 #: Places on either side of the likeliest one of which the mean is taken.
-PEAK = 2
+PEAK = 4
 
 Floats = npt.NDArray[np.float32]
 

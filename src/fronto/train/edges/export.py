@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any, cast
 
 import msgspec
 import torch
@@ -25,11 +27,24 @@ class _Deployed(nn.Module):
 
     def __init__(self, networks: Sequence[EdgeNetwork]) -> None:
         super().__init__()
-        self.networks = nn.ModuleList(networks)
+        self.networks = nn.ModuleList(_folded(network) for network in networks)
 
     def forward(self, profiles: Tensor, about: Tensor) -> Tensor:
         told = [network(profiles / 255, about).softmax(dim=-1) for network in self.networks]
         return torch.stack(told).sum(dim=0) / len(told)
+
+
+def _folded(network: EdgeNetwork) -> EdgeNetwork:
+    """The same with the normalisations between curves in the convolutions before: fewer steps."""
+    network = copy.deepcopy(network).eval()
+    for exchange in cast(Any, network.exchanges):
+        norm = exchange.norm
+        scale = norm.weight / (norm.running_var + norm.eps).sqrt()
+        for part in (exchange.own, exchange.outline, exchange.photo):
+            part.weight = nn.Parameter(part.weight * scale[:, None, None, None])
+        exchange.own.bias = nn.Parameter(norm.bias - norm.running_mean * scale)
+        exchange.norm = nn.Identity()
+    return network
 
 
 def export_edges(
