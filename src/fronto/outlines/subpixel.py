@@ -37,7 +37,7 @@ TURNED_RAD = np.radians(6.0)
 #: Drawn masks of smaller quads tell their place and size better than the photo's edges.
 SMALL_PX = 40.0
 #: Larger quads that an edge head has told: their edges show their form better, this near, pixels.
-CLOSE_PX, CLOSE_OFF_PX = 40.0, 0.3
+CLOSE_PX, CLOSE_OFF_PX = 50.0, 0.3
 #: Smaller buttons have too few pixels for an edge of their own.
 LEAST_SIZE_PX = 6.0
 
