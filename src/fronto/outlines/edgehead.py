@@ -41,7 +41,7 @@ AROUND = (0.5, 0.05)
 SIDES, HALVES = (0.4, 0.02), (0.08, 0.015)
 HARMONICS, EIGHTHS = (0.25, 0.015), (0.03, 0.001)
 #: What is left open comes out so much larger than errors on renders are: of outlines, of forms.
-STD, FORM = 0.8, 0.7
+STD, FORM = 0.6, 0.7
 #: One button by itself does not tell which of its edges is meant.
 LEAST_OUTLINES = 2
 #: Which edge is meant the head may get wrong all around: a deviation, as above.
