@@ -549,5 +549,5 @@ def test_documented_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     names: dict[str, Any] = {}
     for code in re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE):
         exec(compile(code, "positions.md", "exec"), names)
-    assert "0.231 ± 0.001 m" in names["panel"].notes[-1]
+    assert "0.232 ± 0.001 m" in names["panel"].notes[-1]
     assert (tmp_path / "car.yaml").is_file()
