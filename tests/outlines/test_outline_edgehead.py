@@ -224,3 +224,13 @@ def test_the_packaged_head_finds_corners_better_than_masks():
                     errors.append(np.sqrt((off**2).mean()))
     assert len(with_head) > 40
     assert np.median(with_head) < 0.9 * np.median(without)
+
+
+def test_sides_that_would_meet_far_away_stay_where_the_mask_has_them(monkeypatch):
+    monkeypatch.setattr(edgehead, "FARTHEST", 0.001)
+    _, segments, picture = made(quad, side=34)
+    moved = outline(segments, picture, lines=False, edges=Teller(0.2)).buttons
+    plain = outline(segments, picture, lines=False, edges=False).buttons
+    assert len(moved) == len(plain) > 0
+    for a, b in zip(moved, plain, strict=True):
+        np.testing.assert_array_equal(a.corners_px, b.corners_px)

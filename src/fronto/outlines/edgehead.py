@@ -42,6 +42,8 @@ SIDES, HALVES = (0.4, 0.02), (0.08, 0.015)
 HARMONICS, EIGHTHS = (0.25, 0.015), (0.03, 0.001)
 #: What is left open comes out so much larger than errors on renders are: of outlines, of forms.
 STD, FORM = 0.6, 0.7
+#: A quad whose corners are moved further than that, in sizes, stays as the masks have it.
+FARTHEST = 0.4
 #: One button by itself does not tell which of its edges is meant.
 LEAST_OUTLINES = 2
 #: Which edge is meant the head may get wrong all around: a deviation, as above.
@@ -129,9 +131,14 @@ def told_edges(
         points = moved[is_round].reshape(np.count_nonzero(is_round), -1, 2)
         first = np.arange(len(points) + 1, dtype=np.int64) * points.shape[1]
         shape[is_round] = fit_ellipses(points.reshape(-1, 2), first, shape[is_round]).shape
+    before = intersections(shapes.quads.lines[rows])
+    with np.errstate(invalid="ignore"):
+        away = np.abs(intersections(lines) - before).max(axis=(1, 2))
+    good = np.where(is_round, np.isfinite(shape).all(axis=1), away <= FARTHEST * size[rows])
     share = np.minimum(SHARE, 1 - shapes.radius[rows])
     stds = np.where(is_round, _ellipse_stds(covariance), _quad_stds(covariance, share))
-    return Told(rows, lines, shape, STD * stds[0], FORM * stds[1])
+    std, form_std = STD * stds[0][good], FORM * stds[1][good]
+    return Told(rows[good], lines[good], shape[good], std, form_std)
 
 
 def asked_about(
