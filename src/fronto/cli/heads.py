@@ -38,7 +38,7 @@ def head_options(
     pictures
         To look at.
     renders
-        Share of renders; None: the command takes no photos.
+        Share of renders; None: the command takes no labelled photos, and no share of them.
     steps, batch, rate
         Of training; `things` are what a batch is of.
     """
