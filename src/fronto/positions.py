@@ -289,8 +289,10 @@ def _seen(pose: PanelPose, outlines: Sequence[Outline] | None) -> Seen:
     rays = np.where(ahead[:, None], rays, [0.0, 0.0, np.nan])
     rays = rays / rays[:, 2:]
     std = np.full(len(corners), DEFAULT_STD_PX if pose.sigma_px is None else pose.sigma_px)
-    if outlines is not None:
-        std = np.maximum(std, [outline.std_px for outline in outlines])
+    if outlines:
+        stated = np.array([outline.std_px for outline in outlines])
+        # As the outlines fit together: by as much as the typical one's deviation.
+        std = stated * (std / float(np.median(stated)))
         # A quad's centre is the mean of four corners; an ellipse's deviation is its centre's.
         std = std * [0.5 if outline.shape == "quad" else 1.0 for outline in outlines]
     aside = pose.weight < SET_ASIDE

@@ -1,14 +1,17 @@
 """Where masks' edges run: half pixels, soft probabilities, closing, the photo's border."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from panelforms import circle, view
 from panelmaker import panel
 
 from fronto import Segment
-from fronto.outlines.edges import closed_mask, edge_points
+from fronto.native import address
+from fronto.outlines.edges import _kernels, closed_mask, edge_points
 
 fixed = settings(derandomize=True, deadline=None, max_examples=60)
 
@@ -190,3 +193,25 @@ def test_masks_are_left_as_they_are():
     before = made.probability.copy()
     edge_points([made], 60, 50)
     np.testing.assert_array_equal(made.probability, before)
+
+
+@fixed
+@given(
+    arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 30)), elements=st.booleans()),
+    st.booleans(),
+)
+def test_one_piece_without_holes_is_told_from_others(mask, filled):
+    padded = np.pad(mask, 1)
+    if filled:  # random pixels hardly ever are one piece
+        padded = rows_filled(padded)
+    inside = padded[1:-1, 1:-1]
+    contours, _ = cv2.findContours(padded.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    pixels = np.ascontiguousarray(inside, np.uint8)
+    whole = _kernels()[0](*pixels.shape, address(pixels, np.uint8))
+    assert bool(whole) == (len(contours) <= 1)
+
+
+def rows_filled(mask):
+    """The hull of each row's pixels."""
+    reached = np.maximum.accumulate(mask, axis=1)
+    return reached & np.maximum.accumulate(mask[:, ::-1], axis=1)[:, ::-1]

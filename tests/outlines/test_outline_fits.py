@@ -162,6 +162,29 @@ def test_masks_do_not_touch_each_other():
     assert ellipse_error(as_ellipse(shapes[1]), other.ellipse_px) < 1e-6
 
 
+def test_some_of_the_points_of_each_mask() -> None:
+    forms = [quad(view(10, 20, 5, (50, 50)), side=40), quad(view(origin=(90, 20)), side=30)]
+    edges = [form.edge() for form in forms]
+    every = np.array([1, 3])
+    kept = points(*(edge[::k] for edge, k in zip(edges, every, strict=True)))
+    some = fit_quads(points(*edges), np.full(2, 0.6), every=every)
+    alone = fit_quads(kept, np.full(2, 0.6))
+    for one, other in zip(some, alone, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert (some.number[1] < 15).all()
+
+
+def test_an_ellipse_is_left_where_it_stands_still() -> None:
+    form = circle(view(10, 20, 5, (50, 50)), side=40)
+    edge = form.edge() + np.random.default_rng(0).normal(0, 0.3, (len(form.edge()), 2))
+    start = np.array([[52.0, 49.0, 1 / 300, 0, 1 / 300]])
+    first = np.array([0, len(edge)])
+    exact, rough = (fit_ellipses(edge, first, start, still=s).shape for s in (1e-6, 1e3))
+    again = fit_ellipses(edge, first, rough, still=1e-6).shape
+    assert np.abs(exact - rough).max() > 1e-4
+    np.testing.assert_allclose(again, exact, rtol=1e-4)
+
+
 def test_parallel_sides_meet_nowhere():
     lines = np.array([[[0, -1, 0], [1, 0, 1], [1, 0, 5], [-1, 0, 0.0]]])
     found = intersections(lines)

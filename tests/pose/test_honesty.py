@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -83,6 +84,27 @@ def test_outlines_on_another_edge_all_around() -> None:
     assert formed_ < 0.7 * plain
     assert np.median(stated, axis=0)[1] < 0.6 * np.median(stated, axis=0)[0]
     assert np.mean(covered) >= 0.8
+
+
+@pytest.mark.parametrize("true", [0.15, 0.3, 0.4])
+def test_residuals_tell_how_large_errors_are(true: float) -> None:
+    # 0.3 px are stated: what the outlines miss the panel by shows that it is less, or more.
+    stated, covered = [], []
+    for scene in scenes(5, 60, lambda rng: car_layout(rng), true):
+        outlines = [replace(o, std_px=0.3) for o in scene.outlines]
+        pose = estimate_pose(outlines, scene.camera)
+        w = rotation_log(pose.rotation.T @ scene.rotation)
+        covered.append(w @ np.linalg.solve(pose.covariance, w) < CHI2_95_3)
+        stated.append(pose.sigma_px)
+    assert np.mean(covered) >= 0.88
+    assert 0.7 * true < np.median(stated) < 1.5 * true
+
+
+def test_of_one_button_no_residual_tells_much() -> None:
+    # One quad has a single residual more than what is solved for.
+    (scene,) = scenes(6, 1, lambda rng: hall_layout(rng, 1), 0.0, min_side_px=60)
+    pair = [estimate_pose(scene.outlines, scene.camera, square=s) for s in (False, True)]
+    assert all(pose.sigma_px > 0.5 * 0.3 for pose in pair)
 
 
 def test_without_tolerance_large_buttons_promise_too_much() -> None:
@@ -229,3 +251,34 @@ def test_a_tilted_single_button_comes_with_its_mirror_image() -> None:
         found = [pose, *pose.alternatives]
         told.append(min(rotation_error_deg(p.rotation, scene.rotation) for p in found) < 12.0)
     assert np.mean(told) > 0.8
+
+
+@pytest.mark.parametrize(("columns", "status"), [(1, "uncertain"), (4, "ok")])
+def test_one_round_button_needs_lines_of_either_axis(columns: int, status: str) -> None:
+    # An oval one, seen from in front, is a round one seen from below; rows do not contradict that.
+    camera, shift = PAPER_CAMERA, np.array([0.0, 0.0, 0.12])
+    rotation = rotation_from_angles(np.radians(40.0), np.radians(20.0), 0.0)
+    t = 2 * np.pi * np.arange(64) / 64
+    rim = 0.015 * np.column_stack([np.cos(t), np.sin(t), np.zeros(64)])
+    (cx, cy), (width, height), angle = cv2.fitEllipse(
+        camera.project((rim + shift) @ rotation).astype(np.float32)
+    )
+    turned = 90.0 if height > width else 0.0
+    button = Outline.ellipse(
+        cx, cy, max(width, height) / 2, min(width, height) / 2, angle + turned, std_px=0.2
+    )
+    ends = np.array(
+        [
+            [[[-0.06, y], [0.06, y]] for y in (-0.04, -0.03, 0.03, 0.04)],
+            [[[x, -0.04], [x, 0.04]] for x in (-0.06, -0.04, 0.04, 0.06)],
+        ]
+    )
+    lines = []
+    for axis, count in ((0, 4), (1, columns)):
+        for line in ends[axis][:count]:
+            points = (np.column_stack([line, np.zeros(2)]) + shift) @ rotation
+            lines.append(LineSegment(("horizontal", "vertical")[axis], camera.project(points), 0.3))
+    pose = estimate_pose([button], camera, lines=lines)
+    assert pose.status == status
+    assert max(pose.std_deg) < 2.5
+    assert rotation_error_deg(pose.rotation, rotation) < 2

@@ -206,6 +206,14 @@ class TestNetwork:
 
 
 class TestFit:
+    def test_cells_of_other_sizes(self) -> None:
+        network = EdgeNetwork(EdgeOptions(width=8, blocks=1, cell=8)).eval()
+        profiles, about = torch.rand(3, CURVES, BINS, CHANNELS), torch.rand(3, ABOUT)
+        assert network(profiles, about).shape == (3, CURVES, BINS)
+        for cell in (0, 7, 128):
+            with pytest.raises(InputError, match="cell"):
+                EdgeOptions(cell=cell)
+
     def test_profiles_and_places_move_together(self) -> None:
         plain = torch.from_numpy(pool(2).profiles).float()
         zoom, shift = torch.tensor([1.25] * 8), torch.tensor([0.1] * 8)

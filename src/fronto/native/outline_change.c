@@ -41,7 +41,22 @@ static inline void sample(const Photo *photo, int channels, double x, double y, 
 }
 
 /* Bits of fixed-point coordinates behind the point, and those of them that weights have. */
-enum { POINT = 32, WEIGHT = 11 };
+enum { POINT = 32, WEIGHT = 24 };
+
+/* Between four pixels the photo is base + u right + v (down + u both); lanes are channels, and
+ * so many that compilers compute them at once. */
+typedef struct {
+    float base[MOST_CHANNELS], right[MOST_CHANNELS], down[MOST_CHANNELS], both[MOST_CHANNELS];
+} Cell;
+
+static inline void load_cell(Cell *cell, int channels, const uint8_t *p, const uint8_t *q) {
+    for (int k = 0; k < channels; k++) {
+        const float right = (float)p[channels + k] - (float)p[k];
+        cell->base[k] = (float)p[k], cell->right[k] = right;
+        cell->down[k] = (float)q[k] - (float)p[k];
+        cell->both[k] = (float)q[channels + k] - (float)q[k] - right;
+    }
+}
 
 /* Places from, from + step, ...: n of them. */
 static inline void sample_line(const Photo *photo, int channels, const double *from,
@@ -55,22 +70,25 @@ static inline void sample_line(const Photo *photo, int channels, const double *f
                    out + s * channels);
         return;
     }
-    /* All of it lies in the photo: whole numbers are faster. */
+    /* All of it lies in the photo: whole numbers are faster, and neighbours share a cell. */
     const double unit = (double)((int64_t)1 << POINT);
     const int64_t dx = (int64_t)(step[0] * unit), dy = (int64_t)(step[1] * unit);
-    const int32_t one = 1 << WEIGHT;
-    const float scale = 1.0f / (float)(one * one);
-    int64_t x = (int64_t)(from[0] * unit), y = (int64_t)(from[1] * unit);
+    const float scale = 1.0f / (float)(1 << WEIGHT);
+    int64_t x = (int64_t)(from[0] * unit), y = (int64_t)(from[1] * unit), before = -1;
+    Cell cell = {{0}, {0}, {0}, {0}};
     for (int64_t s = 0; s < n; s++, x += dx, y += dy) {
-        const uint8_t *p = photo->pixels + ((y >> POINT) * photo->width + (x >> POINT)) * channels;
-        const uint8_t *q = p + photo->width * channels;
-        const int32_t u = (int32_t)(x >> (POINT - WEIGHT)) & (one - 1);
-        const int32_t v = (int32_t)(y >> (POINT - WEIGHT)) & (one - 1);
-        for (int k = 0; k < channels; k++) {
-            const int32_t above = (one - u) * p[k] + u * p[channels + k];
-            const int32_t below = (one - u) * q[k] + u * q[channels + k];
-            out[s * channels + k] = scale * (float)((one - v) * above + v * below);
+        const int64_t at = (y >> POINT) * photo->width + (x >> POINT);
+        const float u = scale * (float)(int32_t)((uint32_t)x >> (POINT - WEIGHT));
+        const float v = scale * (float)(int32_t)((uint32_t)y >> (POINT - WEIGHT));
+        float value[MOST_CHANNELS];
+        if (at != before) {
+            const uint8_t *p = photo->pixels + at * channels;
+            load_cell(&cell, channels, p, p + photo->width * channels);
+            before = at;
         }
+        for (int k = 0; k < MOST_CHANNELS; k++)
+            value[k] = cell.base[k] + u * cell.right[k] + v * (cell.down[k] + u * cell.both[k]);
+        for (int k = 0; k < channels; k++) out[s * channels + k] = value[k];
     }
 }
 
@@ -82,6 +100,24 @@ FRONTO_API void fronto_sample(const uint8_t *image, int64_t height, int64_t widt
         sample(&photo, (int)channels, places[2 * i], places[2 * i + 1], out + i * channels);
 }
 
+/* Where samples lie closer together, pixels, every other one is the mean of its neighbours. */
+static const double FINE = 0.3;
+
+/* Lines of `across` samples through `count` stations p along normals d, the first one `before` a
+ * station. */
+static void sample_curve(const Photo *photo, int64_t count, const double *p, const double *d,
+                         double before, double step, int64_t across, float *lines) {
+    for (int64_t j = 0; j < count; j++, p += 2, d += 2) {
+        const double from[2] = {p[0] - before * d[0], p[1] - before * d[1]};
+        const double by[2] = {step * d[0], step * d[1]};
+        float *line = lines + j * across * photo->channels;
+        if (photo->channels == 3)
+            sample_line(photo, 3, from, by, across, line);
+        else
+            sample_line(photo, (int)photo->channels, from, by, across, line);
+    }
+}
+
 /* xy, normal (n, count, 2): stations and unit normals; reach (n): of the samples on either side,
  * but for `extra` of them at either end, which lie beyond. -> lines */
 FRONTO_API void fronto_lines(const uint8_t *image, int64_t height, int64_t width, int64_t channels,
@@ -89,16 +125,10 @@ FRONTO_API void fronto_lines(const uint8_t *image, int64_t height, int64_t width
                              const double *reach, int64_t across, int64_t extra, float *lines) {
     const Photo photo = {image, height, width, channels};
     const double half = (double)(across - 1) / 2;
-    for (int64_t i = 0; i < n * count; i++) {
-        const double *p = xy + 2 * i, *d = normal + 2 * i;
-        const double step = reach[i / count] / (half - (double)extra);
-        const double from[2] = {p[0] - half * step * d[0], p[1] - half * step * d[1]};
-        const double by[2] = {step * d[0], step * d[1]};
-        float *line = lines + i * across * channels;
-        if (channels == 3)
-            sample_line(&photo, 3, from, by, across, line);
-        else
-            sample_line(&photo, (int)channels, from, by, across, line);
+    for (int64_t i = 0; i < n; i++) {
+        const double step = reach[i] / (half - (double)extra);
+        sample_curve(&photo, count, xy + 2 * i * count, normal + 2 * i * count, half * step, step,
+                     across, lines + i * count * across * channels);
     }
 }
 
@@ -109,11 +139,14 @@ FRONTO_API void fronto_profiles(const uint8_t *image, int64_t height, int64_t wi
                                 const double *normal, const double *reach, int64_t across,
                                 float *profiles) {
     float lines[MOST_COUNT * MOST_LINE], means[MOST_LINE], differences[MOST_LINE];
+    const Photo photo = {image, height, width, channels};
     const float share = 1.0f / (float)count;
-    const int64_t values = across * channels;
     for (int64_t i = 0; i < n; i++) {
-        fronto_lines(image, height, width, channels, 1, count, xy + 2 * i * count,
-                     normal + 2 * i * count, reach + i, across, 0, lines);
+        const double step = 2 * reach[i] / (double)(across - 1);
+        const int64_t every = step < FINE ? 2 : 1, seen = every == 2 ? across / 2 + 1 : across;
+        const int64_t values = seen * channels;
+        sample_curve(&photo, count, xy + 2 * i * count, normal + 2 * i * count, reach[i],
+                     (double)every * step, seen, lines);
         for (int64_t v = 0; v < values; v++) means[v] = differences[v] = 0;
         for (int64_t j = 0; j < count; j++)
             for (int64_t v = 0; v < values; v++) means[v] += share * lines[j * values + v];
@@ -121,12 +154,13 @@ FRONTO_API void fronto_profiles(const uint8_t *image, int64_t height, int64_t wi
             for (int64_t v = 0; v < values; v++)
                 differences[v] += fabsf(lines[j * values + v] - means[v]);
         for (int64_t s = 0; s < across; s++) {
+            const int64_t low = s / every * channels, high = (s + every - 1) / every * channels;
             float *told = profiles + (i * across + s) * (channels + 1), sum = 0;
             for (int64_t k = 0; k < channels; k++) {
-                told[k] = means[s * channels + k];
-                sum += differences[s * channels + k];
+                told[k] = (means[low + k] + means[high + k]) / 2;
+                sum += differences[low + k] + differences[high + k];
             }
-            told[channels] = share * sum / (float)channels;
+            told[channels] = share * sum / (float)(2 * channels);
         }
     }
 }

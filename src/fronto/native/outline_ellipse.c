@@ -9,8 +9,6 @@
 #include "robust.h"
 
 enum { PARAMETERS = 5 };
-/* An ellipse that moves by less, in pixels and as a share of its shape, stands still. */
-static const double STILL = 1e-4;
 
 /* Distance of a point from the ellipse (Sampson's approximation, of q - 1 with
  * q^2 = (p - c)' M (p - c), which stays nearly linear far away), and its derivatives. */
@@ -81,7 +79,7 @@ static void start_ellipse(int64_t n, const double *p, double *s) {
 
 /* work: 2 n + 5 n numbers. */
 static int fit_ellipse(int64_t n, const double *p, double *s, double *rms, double *inverse,
-                       double *work) {
+                       double still, double *work) {
     double *distance = work, *sorted = work + n, *jacobians = work + 2 * n;
     for (int round = 0; round < ROUNDS; round++) {
         double normal[25] = {0}, right[5] = {0}, total = 0, sum = 0, step[5], moved = 0;
@@ -119,16 +117,17 @@ static int fit_ellipse(int64_t n, const double *p, double *s, double *rms, doubl
             if (half == 8) return 0;
             for (int a = 0; a < 5; a++) step[a] /= 2;
         }
-        if (moved < STILL) break;
+        if (moved < still) break;
     }
     return 1;
 }
 
-/* Points on the photo's border do not count; of the others of group i every every[i]-th is looked at.
+/* still: an ellipse that moves by less, in pixels and as a share of its shape, is good enough.
+ * Points on the photo's border do not count; of the others of group i every every[i]-th is looked at.
  * shape (n,5): centre and m11, m12, m22; in: a start, or NaN to find one; out: NaN where there
  * is no ellipse. rms (n) of the distances; inverse (n,25) of the normal matrix. Returns 0
  * if memory ran out. */
-FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double *xy,
+FRONTO_API int fronto_fit_ellipses(int64_t n, double still, const int64_t *first, const double *xy,
                                    const uint8_t *border, const int64_t *every, double *shape,
                                    double *rms, double *inverse) {
     int64_t most = 1;
@@ -144,7 +143,7 @@ FRONTO_API int fronto_fit_ellipses(int64_t n, const int64_t *first, const double
         double *s = shape + 5 * i;
         if (points >= 6 && !(s[0] == s[0])) start_ellipse(points, p, s);
         if (points >= 6 && is_ellipse(s) &&
-            fit_ellipse(points, p, s, rms + i, inverse + 25 * i, work))
+            fit_ellipse(points, p, s, rms + i, inverse + 25 * i, still, work))
             continue;
         for (int k = 0; k < 5; k++) s[k] = NAN;
         for (int k = 0; k < 25; k++) inverse[25 * i + k] = NAN;

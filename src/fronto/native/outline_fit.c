@@ -12,6 +12,8 @@
 static const double FAR = 0.2;
 /* Eighths of a side's central part, to see along how much of it there are points. */
 enum { BINS = 8 };
+/* Once corners move by less, pixels, points stay with their sides. */
+static const double SETTLED = 0.5;
 /* Sides that move by less, pixels, stand still. */
 static const double STILL_OFF = 1e-4;
 
@@ -95,11 +97,8 @@ static double move_sides(Side *side, double *corner, double *line, double *rms, 
     return farthest;
 }
 
-/* Each point goes to its nearest side, if it lies along that side's central part: place (n)
- * along the side, or NaN where it goes to none; off (n) its distance; of (n) the side. */
-static void sort_points(int64_t n, const double *p, const uint8_t *border, double size,
-                        double central, Side *side, const double *corner, int *of, double *place,
-                        double *off) {
+/* Sides between corners, nothing summed. */
+static void start_sides(const double *corner, Side *side) {
     for (int k = 0; k < 4; k++) {
         const double *a = corner + 2 * k, *b = corner + 2 * ((k + 1) % 4);
         Side s = {0};
@@ -108,6 +107,21 @@ static void sort_points(int64_t n, const double *p, const uint8_t *border, doubl
         s.mx = (a[0] + b[0]) / 2, s.my = (a[1] + b[1]) / 2;
         side[k] = s;
     }
+}
+
+/* Distances off (n) of points from the sides that they have gone to. */
+static void measure_points(int64_t n, const double *p, const Side *side, const int *of,
+                           double *off) {
+    for (int64_t i = 0; i < n; i++) {
+        const Side *s = side + of[i];
+        off[i] = fabs((p[2 * i] - s->mx) * s->ty - (p[2 * i + 1] - s->my) * s->tx);
+    }
+}
+
+/* Each point goes to its nearest side, if it lies along that side's central part: place (n)
+ * along the side, or NaN where it goes to none; off (n) its distance; of (n) the side. */
+static void sort_points(int64_t n, const double *p, const uint8_t *border, double size,
+                        double central, const Side *side, int *of, double *place, double *off) {
     for (int64_t i = 0; i < n; i++) {
         off[i] = FAR * size, place[i] = NAN, of[i] = 0;
         if (border[i]) continue;
@@ -153,42 +167,66 @@ static void sum_sides(int64_t n, const double *p, double central, int first_roun
     }
 }
 
-/* still: corners that move by less, pixels, are good enough.
+/* Every so manieth point, and whether it is on the border -> their number. */
+static int64_t thin(int64_t n, int64_t every, const double *p, const uint8_t *border, double *to,
+                    uint8_t *on_border) {
+    int64_t kept = 0;
+    for (int64_t i = 0; i < n; i += every, kept++) {
+        to[2 * kept] = p[2 * i], to[2 * kept + 1] = p[2 * i + 1];
+        on_border[kept] = border[i];
+    }
+    return kept;
+}
+
+/* still: corners that move by less, pixels, are good enough. every (n): of each mask's points every
+ * so manieth is looked at.
  * corner (n,4,2): in: where to start, or NaN to find that; out: the quads, clockwise as seen,
  * NaN where there is none. central (n): share of a side on which its line is fitted.
  * line (n,4,3): normal outwards and offset of the sides; side k runs from corner k to the
  * next. covered, rms, count (n,4): share of the central part with points, RMS of their
  * distances (NaN: a side without a line of its own), number. Returns 0 if memory ran out. */
 FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *first, const double *xy,
-                                const uint8_t *border, const double *size,
-                                const double *central, double *corner, double *line,
+                                const uint8_t *border, const int64_t *every,
+                                const double *size, const double *central, double *corner, double *line,
                                 double *covered, double *rms, double *count) {
     int64_t most = 1;
     for (int64_t i = 0; i < n; i++)
         if (first[i + 1] - first[i] > most) most = first[i + 1] - first[i];
-    double *place = malloc(3 * (size_t)most * sizeof *place);
+    double *place = malloc(5 * (size_t)most * sizeof *place);
     int *of = malloc((size_t)most * sizeof *of);
-    if (!place || !of) {
+    uint8_t *thinned_border = malloc((size_t)most);
+    if (!place || !of || !thinned_border) {
         free(place);
         free(of);
+        free(thinned_border);
         return 0;
     }
-    double *off = place + most, *work = off + most;
+    double *off = place + most, *work = off + most, *thinned = work + most;
     for (int64_t i = 0; i < n; i++) {
-        const int64_t points = first[i + 1] - first[i];
+        int64_t points = first[i + 1] - first[i];
         const double *p = xy + 2 * first[i];
+        const uint8_t *on_border = border + first[i];
         double *c = corner + 8 * i;
         Side side[4];
+        if (every[i] > 1) {
+            points = thin(points, every[i], p, on_border, thinned, thinned_border);
+            p = thinned, on_border = thinned_border;
+        }
         for (int k = 0; k < 4; k++) covered[4 * i + k] = 0, rms[4 * i + k] = NAN, count[4 * i + k] = 0;
         for (int k = 0; k < 12; k++) line[12 * i + k] = NAN;
         if (points < 4 || !(size[i] > 0) || (!(c[0] == c[0]) && !start_quad(points, p, c))) {
             for (int k = 0; k < 8; k++) c[k] = NAN;
             continue;
         }
+        double moved = INFINITY;
         for (int round = 0; round < ROUNDS; round++) {
-            sort_points(points, p, border + first[i], size[i], central[i], side, c, of, place, off);
+            start_sides(c, side);
+            if (moved < SETTLED)
+                measure_points(points, p, side, of, off);
+            else
+                sort_points(points, p, on_border, size[i], central[i], side, of, place, off);
             sum_sides(points, p, central[i], round == 0, side, of, place, off, work);
-            const double moved = move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
+            moved = move_sides(side, c, line + 12 * i, rms + 4 * i, size[i]);
             if (round > 1 && moved < still) break;
         }
         for (int k = 0; k < 4; k++) {
@@ -200,6 +238,7 @@ FRONTO_API int fronto_fit_quads(int64_t n, double still, const int64_t *first, c
     }
     free(place);
     free(of);
+    free(thinned_border);
     return 1;
 }
 

@@ -80,12 +80,9 @@ def doubles(outlines: Sequence[Outline]) -> list[int]:
     """Indices of outlines that are of a button which a surer one is of, too."""
     if len(outlines) < 2:
         return []
-    boxes = np.array([_box(o) for o in outlines])
-    center, size = (
-        (boxes[:, :2] + boxes[:, 2:]) / 2,
-        np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1)),
-    )
-    apart = np.abs(center[:, None] - center).max(axis=2)
+    x0, y0, x1, y1 = np.array([_box(o) for o in outlines]).T
+    x, y, size = (x0 + x1) / 2, (y0 + y1) / 2, np.sqrt((x1 - x0) * (y1 - y0))
+    apart = np.maximum(np.abs(x[:, None] - x), np.abs(y[:, None] - y))
     same = apart < SAME * np.minimum(size[:, None], size)
     if np.count_nonzero(same) == len(outlines):  # each with itself
         return []

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from fronto.errors import InputError
 from fronto.outlines.edges import EdgePoints
-from fronto.outlines.fits import intersections
+from fronto.outlines.fits import NEXT, intersections
 from fronto.outlines.kinds import TOGETHER, Shapes
 from fronto.outlines.subpixel import ON_ELLIPSE, ON_SIDE, Refined
 from fronto.segments import Segment
-from fronto.shapes import Ellipse, FloatArray, Outline, upright_order
+from fronto.shapes import Ellipse, FloatArray, Outline
 
 __all__ = ["Measured", "built", "measured"]
 
@@ -58,10 +58,10 @@ class Measured(NamedTuple):
     points, shapes, refined
         Of all masks.
     corners
-        (n, 4, 2) pixels: where the refined sides of each mask meet; NaN or infinite where they
-        do not.
+        (n, 4, 2) pixels: where the refined sides of each mask meet, of odd ones the rectangle
+        that bounds it, as the panel reads upright; NaN or infinite where there is none.
     seen
-        (n, 4): which sides of quads are seen.
+        (n, 4): which sides of quads are seen, from the one between the first two corners on.
     quad_std, quad_form
         (n,) pixels: deviation of quads' corners, and of their form alone.
     ellipse_off, ellipse_form_off
@@ -116,20 +116,25 @@ def measured(
     number = np.where(refined.from_image, ON_SIDE / 2, quads.number / TOGETHER * 2)
     variance = np.where(seen, AT_END * rms**2 / np.maximum(number, 1.0), 0.0)
     fits = np.sqrt(variance.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
-    fits = np.where(np.array([kind == "odd" for kind in shapes.kind]), ODD_STD * points.size, fits)
-    quad_off = systematic("quad", refined.from_image.mean(axis=1))
-    quad, quad_form = (
-        np.where(np.isfinite(told), told, np.hypot(fits, one))
-        for told, one in zip((refined.std, refined.form_std), quad_off, strict=True)
-    )
-    ellipse_off = systematic("ellipse", refined.ellipse_from_image.astype(float))
+    odd = np.array([kind == "odd" for kind in shapes.kind], bool)
+    fits = np.where(odd, ODD_STD * points.size, fits)
+    quad, quad_form, ellipse_off = refined.std, refined.form_std, (refined.std, refined.form_std)
+    if not np.isfinite(quad_form).all():
+        quad_off = systematic("quad", refined.from_image.mean(axis=1))
+        quad, quad_form = (
+            np.where(np.isfinite(told), told, np.hypot(fits, one))
+            for told, one in zip((quad, quad_form), quad_off, strict=True)
+        )
+        ellipse_off = systematic("ellipse", refined.ellipse_from_image.astype(float))
     border = np.bincount(points.owner[points.border], minlength=n) > 0
+    corners = np.where(odd[:, None, None], shapes.bounds, intersections(refined.lines))
+    turn = _upright(corners)
     return Measured(
         points,
         shapes,
         refined,
-        intersections(refined.lines),
-        seen,
+        np.take_along_axis(corners, turn[..., None], axis=1),
+        np.take_along_axis(seen | odd[:, None], turn, axis=1),
         quad,
         quad_form,
         *ellipse_off,
@@ -206,28 +211,30 @@ def _arc(xy: FloatArray, center: FloatArray, bins: int = 36) -> float:
     return np.count_nonzero(hit) / bins
 
 
+def _upright(corners: FloatArray) -> npt.NDArray[np.intp]:
+    """Which corners of quads (n, 4, 2), clockwise as seen, come in which order upright, (n, 4).
+
+    As `fronto.shapes.upright_order`, for many.
+    """
+    with np.errstate(invalid="ignore"):
+        along = corners[:, NEXT] - corners
+        length = np.hypot(along[..., 0], along[..., 1])
+        right = along[..., 0] / np.maximum(length, np.finfo(np.float64).tiny)
+        first = np.nan_to_num(right - right[:, [2, 3, 0, 1]]).argmax(axis=1)
+    return np.asarray((first[:, None] + np.arange(4)) % 4)
+
+
 def _quad(segment: Segment, m: Measured, k: int, *, odd: bool) -> Outline | str:
-    corners, seen = m.corners[k], m.seen[k].tolist()
-    points = corners.tolist()
-    if odd:
-        # Its rectangle bounds all of it, or it is cut.
-        if m.at_border[k]:
-            return "too little of it is seen to tell its shape"
-        corners, seen = m.shapes.bounds[k], [True] * 4
-        points = corners.tolist()
+    top, right, bottom, left = seen = m.seen[k].tolist()
+    # A rectangle bounds all of what is odd, or that is cut.
+    if odd and m.at_border[k]:
+        return "too little of it is seen to tell its shape"
     if sum(seen) < 2:
         return "less than two of its sides are seen"
-    # Plain numbers: four points are too few for NumPy.
-    if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
-        return "its sides bound no button"
-    ordered = upright_order(corners)
-    # Where in the ordered quad each side has come to: order_corners only turns the quad.
-    turn = points.index(ordered[0].tolist())
-    top, right, bottom, left = seen[turn:] + seen[:turn]
     whole = not odd and all(seen)
     try:
         return Outline.quad(
-            ordered,
+            m.corners[k],
             std_px=float(m.quad_std[k]),
             category=segment.category,
             confidence=segment.confidence,

@@ -51,12 +51,13 @@ WRONG = (0.1, 0.02)
 #: What the head's own deviation does not show, pixels.
 LEAST_STD_PX = 0.05
 
-_SAME_SIDE = np.kron(np.eye(4), np.ones((2, 2)))
+_ONE, _SAME_SIDE = np.eye(CURVES), np.kron(np.eye(4), np.ones((2, 2)))
 #: An ellipse's edge moves by size, place and form as these do over its eighths.
 _ANGLES = 2 * np.pi * (np.arange(CURVES) + 0.5) / CURVES
 _WAVES = np.stack(
     [np.ones(CURVES), *(f(k * _ANGLES) for k in (1, 2) for f in (np.cos, np.sin))], axis=1
 )
+_SAME_WAVES = _WAVES[:, 1:] @ _WAVES[:, 1:].T
 #: Moving a quad to the right, down, and making it larger, as moves of its sides' two ends outwards.
 _MOVES = np.repeat([[0, 1, 0, -1], [-1, 0, 1, 0], [1, 1, 1, 1]], 2, axis=1)
 #: From places to what a quad's form is of them, and to an ellipse's size, place and form.
@@ -126,17 +127,22 @@ def told_edges(
     offset, covariance = _weighed(*places, size[rows], is_round)
     moved = curves.xy + offset[..., None, None] * curves.normal
     lines, shape = shapes.quads.lines[rows], shapes.ellipses.shape[rows]
-    lines[~is_round] = _through(moved[~is_round].mean(axis=2).reshape(-1, 4, 2, 2))
+    good, stds = np.empty(len(rows), bool), np.empty((2, len(rows)))
+    if not is_round.all():
+        of = ~is_round
+        before = intersections(lines[of])
+        lines[of] = _through(moved[of].mean(axis=2).reshape(-1, 4, 2, 2))
+        with np.errstate(invalid="ignore"):
+            away = np.abs(intersections(lines[of]) - before).max(axis=(1, 2))
+        good[of] = away <= FARTHEST * size[rows[of]]
+        share = np.minimum(SHARE, 1 - shapes.radius[rows[of]])
+        stds[:, of] = _quad_stds(covariance[of], share)
     if is_round.any():
         points = moved[is_round].reshape(np.count_nonzero(is_round), -1, 2)
         first = np.arange(len(points) + 1, dtype=np.int64) * points.shape[1]
         shape[is_round] = fit_ellipses(points.reshape(-1, 2), first, shape[is_round]).shape
-    before = intersections(shapes.quads.lines[rows])
-    with np.errstate(invalid="ignore"):
-        away = np.abs(intersections(lines) - before).max(axis=(1, 2))
-    good = np.where(is_round, np.isfinite(shape).all(axis=1), away <= FARTHEST * size[rows])
-    share = np.minimum(SHARE, 1 - shapes.radius[rows])
-    stds = np.where(is_round, _ellipse_stds(covariance), _quad_stds(covariance, share))
+        good[is_round] = np.isfinite(shape[is_round]).all(axis=1)
+        stds[:, is_round] = _ellipse_stds(covariance[is_round])
     std, form_std = STD * stds[0][good], FORM * stds[1][good]
     return Told(rows[good], lines[good], shape[good], std, form_std)
 
@@ -155,10 +161,14 @@ def asked_about(
         return None
     is_round = kinds[rows] == "ellipse"
     of, other = rows[~is_round], rows[is_round]
-    parts = (
-        quad_curves(Quads(*(a[of] for a in shapes.quads)), shapes.radius[of], size[of]),
-        ellipse_curves(shapes.ellipses.shape[other], size[other]),
-    )
+    parts = []
+    if len(of):
+        quads = Quads(*(a[of] for a in shapes.quads))
+        parts.append(quad_curves(quads, shapes.radius[of], size[of]))
+    if len(other):
+        parts.append(ellipse_curves(shapes.ellipses.shape[other], size[other]))
+    if len(parts) == 1:
+        return rows, parts[0], is_round
     order = np.argsort(np.argsort(is_round, kind="stable"))
     curves = Curves(*(np.concatenate(part)[order] for part in zip(*parts, strict=True)))
     return rows, curves, is_round
@@ -168,18 +178,15 @@ def _weighed(
     offset: FloatArray, std: FloatArray, size: FloatArray, is_round: npt.NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
     """Places (n, 8) with what masks' errors are like, and their covariance (n, 8, 8)."""
-
-    def variance(constants: tuple[float, float]) -> FloatArray:
-        return np.asarray((constants[0] + constants[1] * size) ** 2)[:, None, None]
-
-    waves = _WAVES[:, 1:] @ _WAVES[:, 1:].T
-    one = np.eye(CURVES)
-    prior = variance(AROUND) + np.where(
+    pixels, share = np.array([AROUND, WRONG, SIDES, HALVES, HARMONICS, EIGHTHS]).T
+    variances = (pixels[:, None] + share[:, None] * size) ** 2
+    around, wrong, sides, halves, harmonics, eighths = variances[..., None, None]
+    prior = np.where(
         is_round[:, None, None],
-        variance(HARMONICS) * waves + variance(EIGHTHS) * one,
-        variance(SIDES) * _SAME_SIDE + variance(HALVES) * one,
+        around + harmonics * _SAME_WAVES + eighths * _ONE,
+        around + sides * _SAME_SIDE + halves * _ONE,
     )
-    noise = (std**2 + LEAST_STD_PX**2)[..., None] * one + variance(WRONG)
+    noise = (std**2 + LEAST_STD_PX**2)[..., None] * _ONE + wrong
     gain = np.linalg.solve(prior + noise, prior).swapaxes(1, 2)
     return (gain @ offset[..., None])[..., 0], prior - gain @ prior
 

@@ -83,8 +83,7 @@ def closed_mask(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
         )
         closed = cv2.morphologyEx(framed, cv2.MORPH_CLOSE, _kernel_of(reach))
         inside = np.ascontiguousarray(closed[reach:-reach, reach:-reach])
-    contours, _ = cv2.findContours(inside, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    if len(contours) == 1:  # one piece without holes
+    if _kernels()[0](*inside.shape, address(inside, np.uint8)):
         return inside
     contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     largest = max(range(len(contours)), key=lambda k: cv2.contourArea(contours[k]))
@@ -118,6 +117,7 @@ def edge_points(segments: Sequence[Segment], width: int, height: int) -> EdgePoi
     shapes = np.array([s.probability.shape for s in segments], np.int64).reshape(-1, 2)
     room = int(2 * (shapes + 1).prod(axis=1).sum())
     xy, border, steps = np.empty((room, 2)), np.empty(room, bool), np.zeros((n, 2))
+    points_of = _kernels()[1]
     at = (address(xy, np.float64), address(border, np.bool_), address(steps, np.float64))
     first, area = np.zeros(n + 1, np.int64), np.zeros(n)
     count = 0
@@ -126,7 +126,7 @@ def edge_points(segments: Sequence[Segment], width: int, height: int) -> EdgePoi
         area[k] = np.count_nonzero(inside)
         if area[k]:
             values = np.ascontiguousarray(segment.probability, np.float32)
-            count += _kernel()(
+            count += points_of(
                 *inside.shape,
                 address(inside, np.uint8),
                 address(values, np.float32),
@@ -144,9 +144,10 @@ def edge_points(segments: Sequence[Segment], width: int, height: int) -> EdgePoi
 
 
 @functools.cache
-def _kernel() -> Any:
-    kernel = library().fronto_edge_points
+def _kernels() -> tuple[Any, Any]:
+    whole, points = library().fronto_is_whole, library().fronto_edge_points
     size, pointer = ctypes.c_int64, ctypes.c_void_p
-    kernel.argtypes = [size, size, pointer, pointer, *[size] * 4, *[pointer] * 3]
-    kernel.restype = ctypes.c_int64
-    return kernel
+    whole.argtypes, whole.restype = [size, size, pointer], ctypes.c_int
+    points.argtypes = [size, size, pointer, pointer, *[size] * 4, *[pointer] * 3]
+    points.restype = ctypes.c_int64
+    return whole, points

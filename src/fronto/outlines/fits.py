@@ -106,9 +106,10 @@ def _kernels() -> tuple[Any, Any, Any]:
     kernels = library()
     pointer = ctypes.c_void_p
     quads, ellipses = kernels.fronto_fit_quads, kernels.fronto_fit_ellipses
-    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 10]
+    quads.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 11]
     quads.restype = ctypes.c_int
-    ellipses.argtypes, ellipses.restype = [ctypes.c_int64] + [pointer] * 7, ctypes.c_int
+    ellipses.argtypes = [ctypes.c_int64, ctypes.c_double, *[pointer] * 7]
+    ellipses.restype = ctypes.c_int
     sides = kernels.fronto_move_sides
     sides.argtypes, sides.restype = [ctypes.c_int64] * 2 + [pointer] * 9, None
     return quads, ellipses, sides
@@ -119,6 +120,7 @@ def fit_quads(
     central: FloatArray,
     start: FloatArray | None = None,
     *,
+    every: npt.NDArray[np.int64] | None = None,
     still_px: float = 1e-3,
 ) -> Quads:
     """Fit a quad to the edge points of each mask, each side by its own line.
@@ -132,6 +134,8 @@ def fit_quads(
     start
         (n, 4, 2), clockwise as seen; None finds it: whitened points of a parallelogram lie on
         a square, and where its corners are is told by the fourth harmonic of its outline.
+    every
+        (n,): of each mask's points every so manieth is looked at; None: all are.
     still_px
         Corners that move by less from one step to the next are good enough, pixels.
     """
@@ -142,7 +146,8 @@ def fit_quads(
     given = (
         (points.first, np.int64),
         (np.ascontiguousarray(points.xy), np.float64),
-        (points.border.astype(np.uint8), np.uint8),
+        (points.border, np.bool_),
+        (np.ones(n, np.int64) if every is None else every, np.int64),
         (np.ascontiguousarray(points.size), np.float64),
         (np.ascontiguousarray(central, np.float64), np.float64),
     )
@@ -165,6 +170,7 @@ def fit_ellipses(
     *,
     border: npt.NDArray[np.bool_] | None = None,
     every: npt.NDArray[np.int64] | None = None,
+    still: float = 1e-4,
 ) -> Ellipses:
     """Fit an ellipse to each of n groups of points, for the least geometric distances.
 
@@ -182,6 +188,9 @@ def fit_ellipses(
         (N,): points that do not count; None: all do.
     every
         (n,): of each group's points every so manieth is looked at; None: all are.
+    still
+        Ellipses that move by less from one step to the next, in pixels and as a share of their
+        shape, are good enough.
     """
     n = len(first) - 1
     border = np.zeros(len(xy), bool) if border is None else border
@@ -191,6 +200,7 @@ def fit_ellipses(
     xy = np.ascontiguousarray(xy, np.float64)
     done = _kernels()[1](
         n,
+        still,
         address(first, np.int64),
         address(xy, np.float64),
         address(border, np.bool_),

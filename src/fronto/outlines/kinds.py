@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from fronto.outlines.edges import EdgePoints
 from fronto.outlines.fits import (
+    NEXT,
     Ellipses,
     Quads,
     ellipse_frames,
@@ -35,8 +36,10 @@ Kind = Literal["quad", "ellipse", "odd"]
 #: The share of a side on which its line is fitted at first; its limits once the radius is
 #: known.
 FIRST_CENTRAL, LEAST_CENTRAL, MOST_CENTRAL = 0.6, 0.6, 0.85
-#: How exact the first lines have to be.
+#: How exact the first lines have to be, which are fitted to some of the points only.
 FIRST_STILL_PX = 0.02
+#: The same of ellipses, before it is known what is one: pixels, and as a share of its shape.
+FIRST_STILL = 0.01
 #: Deviations below this do not tell shapes apart, pixels.
 FLOOR_PX = 0.2
 #: Neighbouring edge points err together: this many of them are one observation.
@@ -120,12 +123,14 @@ def find_shapes(
     n = len(points.size)
     some = thinned(points)
     central = np.full(n, FIRST_CENTRAL)
-    quads = fit_quads(points, central, still_px=FIRST_STILL_PX)
+    quads = fit_quads(points, central, every=some.every, still_px=FIRST_STILL_PX)
     radius, _ = best_radius(some, quads.corners)
     central = np.clip(1 - radius, LEAST_CENTRAL, MOST_CENTRAL)
     quads = fit_quads(points, central, quads.corners)
     radius, misfit = best_radius(some, quads.corners)
-    ellipses = fit_ellipses(points.xy, points.first, border=points.border, every=some.every)
+    ellipses = fit_ellipses(
+        points.xy, points.first, border=points.border, every=some.every, still=FIRST_STILL
+    )
     round_misfit, wave = ellipse_misfit(some, ellipses.shape)
     wavy = _wavy(ellipses.shape, wave, points.blur)
     pill_misfit, extent = pill_misfits(some, quads.corners)
@@ -152,12 +157,15 @@ def find_shapes(
     )
     ellipses = _exact(points, ellipses, np.array([one == "ellipse" for one in kind], bool))
     bounds = np.full((n, 4, 2), np.nan)
-    bounds[poor] = rectangles(quads.corners[poor], extent[poor])
+    if poor.any():
+        bounds[poor] = rectangles(quads.corners[poor], extent[poor])
     return Shapes(kind, chance.max(axis=1), quads, ellipses, bounds, radius, rms)
 
 
 def _exact(points: EdgePoints, ellipses: Ellipses, rows: npt.NDArray[np.bool_]) -> Ellipses:
     """The ellipses of some masks (n,), fitted to all of their points."""
+    if not rows.any():
+        return ellipses
     # Of the others no point is looked at beyond the first.
     every = np.where(rows, 1, np.maximum(np.diff(points.first), 1))
     exact = fit_ellipses(points.xy, points.first, ellipses.shape, border=points.border, every=every)
@@ -178,9 +186,10 @@ def _wavy(shape: FloatArray, wave: FloatArray, blur: FloatArray) -> npt.NDArray[
 
 def _pointed(corners: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether a quad has a side so short that it is a triangle."""
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    along = corners[:, NEXT] - corners
+    sides = np.hypot(along[..., 0], along[..., 1])
     with np.errstate(invalid="ignore"):
-        return np.asarray((sides < POINTED * np.roll(sides, 2, axis=1)).any(axis=1))
+        return np.asarray((sides < POINTED * sides[:, [2, 3, 0, 1]]).any(axis=1))
 
 
 def _alike(shape: FloatArray) -> FloatArray:

@@ -117,14 +117,16 @@ def refine(
     if image is not None and len(size):
         kinds = np.array(shapes.kind)
         large = open_ & (size >= LEAST_SIZE_PX)
-        meeting = np.isfinite(intersections(quads.lines)).all(axis=(1, 2))
-        rows = np.flatnonzero((kinds == "quad") & large & meeting)
+        rows = np.flatnonzero((kinds == "quad") & large)
+        if len(rows):
+            rows = rows[np.isfinite(intersections(quads.lines[rows])).all(axis=(1, 2))]
         if len(rows):
             found = _sides(image, quads.lines, quads.rms, shapes.radius, size, off, rows, (0, 1))
             lines[rows], rms[rows], from_image[rows] = found
         if drawn is not None:
             small = from_image.all(axis=1) & drawn & (size < SMALL_PX)
-            lines[small] = _in_place(lines[small], quads.lines[small])
+            if small.any():
+                lines[small] = _in_place(lines[small], quads.lines[small])
         rows = np.flatnonzero((kinds == "ellipse") & large & np.isfinite(shape).all(axis=1))
         if len(rows):
             shape[rows], ellipse_rms[rows], round_from_image[rows] = _ellipses(
@@ -134,8 +136,8 @@ def refine(
         lines[told.rows], shape[told.rows] = told.lines, told.shape
         from_image[told.rows], round_from_image[told.rows] = True, True
         std[told.rows], form_std[told.rows] = told.std, told.form_std
-        kinds = np.array(shapes.kind)[told.rows]
-        rows = told.rows[(kinds == "quad") & (size[told.rows] >= CLOSE_PX)]
+        rows = told.rows[size[told.rows] >= CLOSE_PX]
+        rows = np.array([k for k in rows if shapes.kind[k] == "quad"], np.intp)
         if image is not None and len(rows):
             off = CLOSE_OFF_PX + OFF_SHARE * size
             found = _sides(image, lines, rms, shapes.radius, size, off, rows, (1,))

@@ -22,6 +22,7 @@ from fronto.pose.verdict import (
     SET_ASIDE,
     Verdict,
     covariance,
+    fitted,
     judge,
     line_weights,
     weights,
@@ -194,9 +195,10 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
     # What does not fit is the form of quads whose form is surer than their place and size.
     std *= np.maximum(1 / found.sigma_factor, 1 / found.seen.gain)
     sigma_px = float(middle(std))
+    std *= np.sqrt(found.fit)
     boxes = boxes_px(flat)
     size_px = np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
-    cov = found.common * covariance(best, found.model)
+    cov = _covariance(best, found)
     counts = weights(found, best) >= SET_ASIDE
     missed_px = float(middle(_residuals(best, camera, found)[counts])) if counts.any() else 0.0
     verdict = judge(found, cov, size_px, min(sigma_px, missed_px), _aspect_std(found, cov))
@@ -204,12 +206,16 @@ def _refined_pose(flat: Sequence[Outline], camera: Camera, found: Adjustment) ->
         cov = np.full(cov.shape, np.nan)
     pose = _pose(best, camera, found, verdict, std, cov)
     others = [
-        _pose(other, camera, found, verdict, std, found.common * covariance(other, found.model))
+        _pose(other, camera, found, verdict, std, _covariance(other, found))
         for other in (found.solutions[k] for k in verdict.rivals)
     ]
     if found.other_roll is not None:
         others.append(_turned(pose, found.other_roll))
     return replace(pose, alternatives=tuple(others))
+
+
+def _covariance(solution: Solution, found: Adjustment) -> FloatArray:
+    return fitted(found.common * covariance(solution, found.model), found)
 
 
 def _residuals(solution: Solution, camera: Camera, found: Adjustment) -> FloatArray:

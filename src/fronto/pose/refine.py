@@ -47,6 +47,11 @@ __all__ = ["Adjustment", "adjust"]
 SAME_TRACE = 1 + 2 * np.cos(np.radians(1.0))
 #: Typical χ² this much above its expectation: the stated deviations are too small.
 MISFIT = 2.0
+#: Residuals smaller or larger than the stated deviations show that errors are, too. The variance is
+#: as much of the stated one as theirs is, taken together with so many residuals that are as stated;
+#: where they are smaller, what cannot be excluded of that (the quantile of χ² as one of a normal
+#: distribution); and this share of it stays, for errors that the buttons have in common.
+KNOWN, QUANTILE, COMMON = 1.0, -1.2816, 0.1
 #: What a button on no row (or column) costs when readings of the lattice are compared, in
 #: χ²: about as much as one that is on the wrong one.
 UNTIED = 30.0
@@ -111,6 +116,9 @@ class Adjustment:
     common
         Variance of what the buttons tell together, over what it were if they erred
         independently; costs and covariances are without it, lines and priors weigh more by it.
+    fit
+        Variance of the result over what the stated deviations (those in `seen`) make it, as the
+        residuals show. Covariances are without it.
     """
 
     solutions: tuple[Solution, ...]
@@ -119,6 +127,7 @@ class Adjustment:
     sigma_factor: float = 1.0
     other_roll: FloatArray | None = None
     common: float = 1.0
+    fit: float = 1.0
 
 
 def adjust(
@@ -173,10 +182,11 @@ def adjust(
         _, model, found = _with_structure(seen, model, found, shared)
     else:
         factor = 1.0
+    fit = _fit(found[0], model, seen)
     # A template tells the roll even of circles.
     rolls = only_circles and template is None
     other = _other_roll(found[0].rotation, tried) if rolls else None
-    return Adjustment(tuple(found), model, seen, float(factor), other, common)
+    return Adjustment(tuple(found), model, seen, float(factor), other, common, fit)
 
 
 def _with_structure(
@@ -333,6 +343,23 @@ def _misfit(solution: Solution, model: Model, seen: Observations) -> float:
     """χ² of the typical button over its expectation."""
     shared = (model.size - 3) / len(solution.chi2)
     return float(middle(solution.chi2 / np.maximum(freedom(seen) - shared, 2.0)))
+
+
+def _fit(solution: Solution, model: Model, seen: Observations) -> float:
+    """As `Adjustment.fit`: the variance of residuals, of which an inverse gamma prior says 1."""
+    known_focal = model.focal_isd < 0
+    number = KNOWN + max(float(freedom(seen).sum()) - (model.size - known_focal), 0.0)
+    total = KNOWN + (number - KNOWN) * _misfit(solution, model, seen)
+    found = total / number
+    if found < 1:
+        found = min(total / _chi2_quantile(number), 1.0)
+    return float(min(COMMON + (1 - COMMON) * found, MISFIT))
+
+
+def _chi2_quantile(freedom: float) -> float:
+    """That of `QUANTILE` (Wilson and Hilferty, PNAS 17, 1931)."""
+    spread = 2 / (9 * freedom)
+    return float(freedom * max(1 - spread + QUANTILE * np.sqrt(spread), 0.0) ** 3)
 
 
 def _mostly_circles(seen: Observations) -> bool:

@@ -18,7 +18,7 @@ from fronto.pose.template import contradictions
 from fronto.results import Status
 from fronto.shapes import FloatArray
 
-__all__ = ["Verdict", "covariance", "judge", "line_weights", "weights"]
+__all__ = ["Verdict", "covariance", "fitted", "judge", "line_weights", "weights"]
 
 #: Largest standard deviation of the rotation about any axis that is still trusted.
 OK_STD_RAD = np.radians(2.5)
@@ -36,6 +36,9 @@ SMALL_PANEL = 4
 ENOUGH_LINES = 4
 #: They make up for an unknown focal length, too, where they hold the rotation to this.
 LINED_STD_RAD = np.radians(3.0)
+#: A round button by itself may be an oval one: so many lines of either axis, which make a vanishing
+#: point, show that it is none.
+CIRCLE_LINES = 2
 #: Two buttons leave so little to spare that noise alone now and then prefers a wrong pose.
 RIVAL_OF_TWO = 15.0
 #: Squared deviations (three degrees of freedom) that the covariance speaks for.
@@ -111,6 +114,18 @@ def covariance(solution: Solution, model: Model) -> FloatArray:
     return np.asarray(0.5 * (inverse + inverse.T))
 
 
+def fitted(cov: FloatArray, adjustment: Adjustment) -> FloatArray:
+    """A covariance (m, m), ln f and what errs with it as they are, the rest as residuals show.
+
+    Errors that buttons make alike show in no residuals, and no residual says how well ln f was
+    known before.
+    """
+    if cov[FOCAL, FOCAL] > 0:
+        by_focal = np.outer(cov[:, FOCAL], cov[FOCAL]) / cov[FOCAL, FOCAL]
+        return np.asarray(adjustment.fit * (cov - by_focal) + by_focal)
+    return np.asarray(adjustment.fit * cov)
+
+
 def rotation_std(solution: Solution, cov: FloatArray) -> tuple[float, float]:
     """Largest deviation of the rotation about any axis, radians: as it is, and at a given f.
 
@@ -163,14 +178,20 @@ def judge(
         k
         for k, other in enumerate(adjustment.solutions[1:], 1)
         if (n == 1 and not held)
-        or (other.cost - best.cost < limit and not _covered(other.rotation, best.rotation, cov))
+        or (
+            other.cost - best.cost < limit
+            and not _covered(other.rotation, best.rotation, cov / adjustment.fit)
+        )
     )
     if not std < DETERMINED_STD_RAD:
         return Verdict("degenerate", (_undetermined(n),), rivals)
 
+    lone_circle = n == 1 and QUAD not in kinds and adjustment.model.scale_latent < 0
     reasons = []
     if n == 1 and not len(adjustment.seen.axis):
         reasons.append("one button only: its tilt to one side and to the other look alike")
+    elif lone_circle and _fewer_lines(adjustment, best) < CIRCLE_LINES:
+        reasons.append("one round button only: an oval one may look like it from elsewhere")
     elif rivals:
         reasons.append("two poses fit about as well: tilted to one side or to the other")
     if adjustment.model.scale_latent >= 0:
@@ -228,16 +249,24 @@ def _agreeing_lines(adjustment: Adjustment, solution: Solution) -> int:
     return int((line_weights(adjustment, solution) > SET_ASIDE).sum())
 
 
+def _fewer_lines(adjustment: Adjustment, solution: Solution) -> int:
+    """How many lines agree along the rows or along the columns, whichever are fewer."""
+    if not len(adjustment.seen.axis):
+        return 0
+    agree = adjustment.seen.axis[line_weights(adjustment, solution) > SET_ASIDE]
+    down = int(agree.sum())
+    return min(down, len(agree) - down)
+
+
 def _held(adjustment: Adjustment, solution: Solution) -> bool:
     """Whether lines alone hold the rotation: enough that agree, and some of either axis.
 
     Two vanishing points do so where the focal length is known.
     """
-    axis = adjustment.seen.axis
-    if not len(axis) or adjustment.model.focal_isd > 0:
+    if not len(adjustment.seen.axis) or adjustment.model.focal_isd > 0:
         return False
-    agree = axis[line_weights(adjustment, solution) > SET_ASIDE]
-    return len(agree) >= ENOUGH_LINES and 0 < int(agree.sum()) < len(agree)
+    enough = _agreeing_lines(adjustment, solution) >= ENOUGH_LINES
+    return enough and _fewer_lines(adjustment, solution) > 0
 
 
 def _mixed(seen: Observations) -> bool:

@@ -31,7 +31,7 @@ class _Deployed(nn.Module):
 
     def forward(self, profiles: Tensor, about: Tensor) -> Tensor:
         told = [network(profiles / 255, about).softmax(dim=-1) for network in self.networks]
-        return torch.stack(told).sum(dim=0) / len(told)
+        return told[0] if len(told) == 1 else torch.stack(told).mean(dim=0)
 
 
 def _folded(network: EdgeNetwork) -> EdgeNetwork:
