@@ -36,6 +36,8 @@ RENDERS, QUICK = 200, 30
 #: None that anything was tuned on.
 FIRST_SEED = 70_000
 WAYS = ("hough", "masks", "photo")
+#: Poses that are ok and no further off are good; and by how much they get better or worse.
+RIGHT_DEG, CHANGED_DEG = 2.0, 0.5
 SIZES = ((0, 20, "below 20 px"), (20, 40, "20 to 40 px"), (40, 1e9, "above 40 px"))
 
 
@@ -197,9 +199,14 @@ class Poses:
     errors: list[float] = field(default_factory=list)
     ok: list[bool] = field(default_factory=list)
 
-    def row(self, name: str) -> dict[str, str]:
+    def row(self, name: str, before: Poses) -> dict[str, str]:
+        """A line of the table; `before` is what it is compared with."""
         e, ok = np.array(self.errors), np.array(self.ok)
         good = e[ok]
+        was = np.array(before.errors)
+        right = np.array(before.ok) & (was < RIGHT_DEG)
+        changed = [int((right & (sign * (e - was) > CHANGED_DEG)).sum()) for sign in (1, -1)]
+        lost, gained = int((right & ~ok).sum()), int((~right & ok & (e < RIGHT_DEG)).sum())
         return {
             "": name,
             "median °": f"{np.median(e):.2f}",
@@ -208,6 +215,8 @@ class Poses:
             "of those: median °": f"{np.median(good):.2f}" if len(good) else "–",
             "95 % °": f"{np.percentile(good, 95):.2f}" if len(good) else "–",
             "worst °": f"{good.max():.2f}" if len(good) else "–",
+            "good before, worse / better now": f"{changed[0]} / {changed[1]} of {right.sum()}",
+            "good ones lost / gained": f"{lost} / {gained}",
         }
 
 
@@ -235,6 +244,13 @@ def through_network(scenes: Iterator[Scene]) -> tuple[dict[str, Errors], dict[st
         lined = found(scene.segments, scene.image, "photo", lines=True)
         posed(scene, lined, poses["and its lines"])
     return errors, poses
+
+
+def poses_table(poses: dict[str, Poses]) -> str:
+    """Each way, compared with the one in the row above it."""
+    before = [next(iter(poses.values())), *poses.values()]
+    pairs = zip(poses.items(), before, strict=False)
+    return markdown_table([found.row(name, other) for (name, found), other in pairs])
 
 
 def sizes_table(errors: dict[str, Errors]) -> str:
@@ -270,16 +286,17 @@ def honest(values: list[float]) -> float:
 
 def speed() -> dict[str, float]:
     drawing = buttons_drawn(np.random.default_rng(0), 40, 0.1, columns=5, rows=4)
-    figures = {}
-    for way in (*WAYS, "edges"):
-        given = as_drawn(drawing.segments) if way == "edges" else drawing.segments
-        times = []
-        for _ in range(30):
+    drawn = as_drawn(drawing.segments)
+    times: dict[str, list[float]] = {way: [] for way in (*WAYS, "edges")}
+    # In turns: what else the machine does slows all of them alike.
+    for _ in range(100):
+        for way, values in times.items():
+            given = drawn if way == "edges" else drawing.segments
             started = time.perf_counter()
             found(given, drawing.image, "photo" if way == "edges" else way)
-            times.append(1e3 * (time.perf_counter() - started))
-        figures[f"{way}_ms"], figures[f"{way}_best_ms"] = float(np.median(times)), min(times)
-    return figures
+            values.append(1e3 * (time.perf_counter() - started))
+    medians = {f"{way}_ms": float(np.median(values)) for way, values in times.items()}
+    return medians | {f"{way}_best_ms": min(values) for way, values in times.items()}
 
 
 def as_drawn(segments: Segments) -> Segments:
@@ -356,11 +373,11 @@ def main() -> None:
         "outline-drawn": drawn_table,
         "outline-renders": sizes_table(renders) + "\n\n" + shapes_table(renders["photo"]),
         "outline-speed": speed_text(figures),
-        "outline-lines": markdown_table([p.row(n) for n, p in render_poses.items()]),
+        "outline-lines": poses_table(render_poses),
     }
     if photos is not None and photo_poses is not None:
         texts["outline-photos"] = sizes_table(photos) + "\n\n" + shapes_table(photos["photo"])
-        texts["outline-photo-lines"] = markdown_table([p.row(n) for n, p in photo_poses.items()])
+        texts["outline-photo-lines"] = poses_table(photo_poses)
     print("\n\n".join(f"{name}\n{text}" for name, text in texts.items()))
     if arguments.quick or photos is None:
         print("nothing written")
