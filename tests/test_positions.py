@@ -550,8 +550,6 @@ def test_documented_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     for code in re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE):
         exec(compile(code, "positions.md", "exec"), names)
     told = re.search(r"the panel's plane is [0-9.]+ ± [0-9.]+ m away", page)
-    note = names["panel"].notes[-1]
     assert told is not None
-    said, found = ([float(n) for n in re.findall(r"[0-9.]+", s)] for s in (told[0], note[-40:]))
-    assert said[:2] == pytest.approx(found[-2:], abs=0.002)
+    assert told[0] in names["panel"].notes[-1]
     assert (tmp_path / "car.yaml").is_file()

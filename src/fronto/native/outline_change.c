@@ -63,7 +63,7 @@ static inline void sample_line(const Photo *photo, int channels, const double *f
                                const double *step, int64_t n, float *out) {
     const double to[2] = {from[0] + (double)(n - 1) * step[0], from[1] + (double)(n - 1) * step[1]};
     const double right = (double)(photo->width - 1), bottom = (double)(photo->height - 1);
-    if (!(fmin(from[0], to[0]) > 0 && fmax(from[0], to[0]) < right && fmin(from[1], to[1]) > 0 &&
+    if (!(channels <= MOST_CHANNELS && fmin(from[0], to[0]) > 0 && fmax(from[0], to[0]) < right && fmin(from[1], to[1]) > 0 &&
           fmax(from[1], to[1]) < bottom)) {
         for (int64_t s = 0; s < n; s++)
             sample(photo, channels, from[0] + (double)s * step[0], from[1] + (double)s * step[1],

@@ -118,6 +118,7 @@ def measured(
     fits = np.sqrt(variance.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     odd = np.array([kind == "odd" for kind in shapes.kind], bool)
     fits = np.where(odd, ODD_STD * points.size, fits)
+    # Where an edge head has told all outlines, nobody asks what else there is to know.
     quad, quad_form, ellipse_off = refined.std, refined.form_std, (refined.std, refined.form_std)
     if not np.isfinite(quad_form).all():
         quad_off = systematic("quad", refined.from_image.mean(axis=1))
