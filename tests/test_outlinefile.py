@@ -362,6 +362,7 @@ def test_a_huge_file_is_refused_before_it_is_decoded(path: Path) -> None:
     confidence=st.floats(0, 1),
     text=st.text(st.characters(codec="utf-8"), max_size=5),
     angle=st.floats(-360, 360),
+    line_found=st.booleans(),
 )
 def test_what_is_written_is_read_back_exactly(
     tmp_path_factory: pytest.TempPathFactory,
@@ -371,6 +372,7 @@ def test_what_is_written_is_read_back_exactly(
     confidence: float,
     text: str,
     angle: float,
+    line_found: bool,
 ) -> None:
     path = tmp_path_factory.mktemp("round") / "a.json"
     corners = np.add(QUAD, [x, y])
@@ -378,7 +380,7 @@ def test_what_is_written_is_read_back_exactly(
         Outline.quad(corners, std_px=std, confidence=confidence, text=text, odd=True),
         Outline.ellipse(x + 500, y, 9.5, 7.25, angle, category="up", truncated=True),
     ]
-    lines = [LineSegment("vertical", np.array([[x, y], [x, y + 50]]), std)]
+    lines = [LineSegment("vertical", np.array([[x, y], [x, y + 50]]), std, line_found)]
     write_outlines(path, outlines, lines=lines, image=text, width_px=3, height_px=4)
     # The size is the photo's; these outlines may lie anywhere.
     values = json.loads(path.read_text(encoding="utf-8"))
@@ -392,6 +394,7 @@ def test_what_is_written_is_read_back_exactly(
     assert (ellipse.category, ellipse.truncated, ellipse.odd) == ("up", True, False)
     assert np.array_equal(found.lines[0].ends_px, lines[0].ends_px)
     assert (found.lines[0].axis, found.lines[0].std_px, found.image) == ("vertical", std, text)
+    assert found.lines[0].found == line_found
 
 
 @settings(derandomize=True, deadline=None, max_examples=50)

@@ -160,10 +160,7 @@ def write_outlines(
     values["buttons"] = [_fields(outline) for outline in outlines]
     if plates:
         values["plates"] = [_fields(plate) for plate in plates]
-    values["lines"] = [
-        {"axis": line.axis, "ends_px": line.ends_px.tolist(), "std_px": float(line.std_px)}
-        for line in lines
-    ]
+    values["lines"] = [_line_fields(line) for line in lines]
     write_bytes(Path(path), json_bytes(values))
 
 
@@ -185,6 +182,11 @@ def _fields(outline: Outline) -> dict[str, Any]:
     if outline.shape == "quad" and not all(outline.seen):  # an ellipse has no sides
         fields["seen"] = [bool(side) for side in outline.seen]
     return fields | {name: True for name in ("odd", "truncated") if getattr(outline, name)}
+
+
+def _line_fields(line: LineSegment) -> dict[str, Any]:
+    fields = {"axis": line.axis, "ends_px": line.ends_px.tolist(), "std_px": float(line.std_px)}
+    return fields | ({"found": True} if line.found else {})
 
 
 def _photo_size(width_px: int | None, height_px: int | None) -> tuple[int, int] | None:

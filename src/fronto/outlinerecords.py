@@ -66,6 +66,7 @@ class _Line(msgspec.Struct):
     axis: Axis
     ends_px: Annotated[list[_Point], msgspec.Meta(min_length=2, max_length=2)]
     std_px: _Length | None = None
+    found: bool = False
 
 
 _Segment = tuple[_Coordinate, _Coordinate, _Coordinate, _Coordinate]
@@ -184,6 +185,7 @@ def panel_lines(file: OutlinesRecord, thing: str, *, segments: bool) -> list[Lin
 
 def _line(line: _Line, thing: str) -> LineSegment:
     try:
-        return LineSegment(line.axis, np.array(line.ends_px), line.std_px or DEFAULT_STD_PX)
+        std_px = line.std_px or DEFAULT_STD_PX
+        return LineSegment(line.axis, np.array(line.ends_px), std_px, found=line.found)
     except InputError as error:
         raise InputError(f"{thing}.ends_px", error.expected, error.remedy) from None

@@ -310,11 +310,15 @@ class LineSegment:
         Shape (2, 2): the two end points.
     std_px
         Standard deviation of an end point across the line.
+    found
+        It was found along the buttons' rows or columns (`fronto.outline`), and nobody knows
+        what it is: it counts only where the buttons alone make no pose that is "ok" and it does.
     """
 
     axis: Axis
     ends_px: FloatArray
     std_px: float = DEFAULT_STD_PX
+    found: bool = False
 
     def __post_init__(self) -> None:
         if self.axis not in ("horizontal", "vertical"):

@@ -52,6 +52,7 @@ def test_the_plates_edges_are_found(angles):
         assert off < 0.5
         assert line.axis == axis
         assert 0 < line.std_px < 2
+        assert line.found
     lengths = [np.linalg.norm(line.ends_px[1] - line.ends_px[0]) for line in lines]
     assert lengths == sorted(lengths, reverse=True)
 

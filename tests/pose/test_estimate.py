@@ -247,6 +247,41 @@ def test_lines_in_another_plane_count_as_well(view, grid):
     assert np.mean(helped) < 0.3 * np.mean(alone)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_lines_that_were_only_found_leave_ok_poses_alone(view, grid, seed):
+    panel = view(grid(3, 4), (20, -15, 4)).noisy(seed, 0.5)
+    alone = estimate_pose(panel.outlines, panel.camera)
+    assert alone.status == "ok"
+    # Off by four degrees, all alike: a door that stands ajar.
+    door = [
+        replace(line, ends_px=line.ends_px + [[0, 0], [0, 0.07 * np.ptp(line.ends_px[:, 0])]])
+        for line in lines_of(panel, seed, FRAME)
+        if line.axis == "horizontal"
+    ]
+    found = [replace(line, found=True) for line in door]
+    kept = estimate_pose(panel.outlines, panel.camera, lines=found)
+    assert degrees_between(kept, alone) == 0
+    np.testing.assert_array_equal(kept.covariance, alone.covariance)
+
+    known = lines_of(panel, seed, FRAME)
+    both = estimate_pose(panel.outlines, panel.camera, lines=known + found)
+    only = estimate_pose(panel.outlines, panel.camera, lines=known)
+    assert degrees_between(only, alone) > 0
+    assert degrees_between(both, only) == 0
+
+
+def test_lines_that_were_only_found_count_where_buttons_make_no_ok_pose(view, grid):
+    panel = view(grid(1, 1, width_m=0.12), (20, 10, 5)).noisy(1, 0.5)
+    alone = estimate_pose(panel.outlines, panel.camera)
+    assert alone.status != "ok"
+    known = lines_of(panel, 1, FRAME)
+    found = [replace(line, found=True) for line in known]
+    helped = estimate_pose(panel.outlines, panel.camera, lines=found)
+    assert helped.status == "ok"
+    given = estimate_pose(panel.outlines, panel.camera, lines=known)
+    np.testing.assert_array_equal(helped.rotation, given.rotation)
+
+
 # --- focal length
 
 

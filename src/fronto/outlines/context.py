@@ -57,7 +57,7 @@ def panel_lines(rgb: npt.NDArray[np.uint8], buttons: Sequence[Outline]) -> list[
 
     Returns
     -------
-    At most 16, the longest first.
+    At most 16, the longest first; as `found`.
     """
     whole = [b for b in buttons if not b.truncated and not b.odd]
     if len(whole) < 2:
@@ -82,7 +82,7 @@ def panel_lines(rgb: npt.NDArray[np.uint8], buttons: Sequence[Outline]) -> list[
         off = np.degrees(np.abs(_wrapped(np.arctan2(along[:, 1], along[:, 0]) - turned - angle)))
         limit = np.minimum(ALONG_DEG + 2 * np.degrees(std), MOST_DEG)
         for k in np.flatnonzero(off <= limit):
-            line = LineSegment(axis, ends[k], std_px)
+            line = LineSegment(axis, ends[k], std_px, found=True)
             found.append((float(length[k]), line))
     found.sort(key=lambda item: -item[0])
     return [line for _, line in found[:MOST_LINES]]

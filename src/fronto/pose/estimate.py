@@ -67,7 +67,9 @@ def estimate_pose(
         "refine": robust bundle adjustment, with deviations (default). "grid": the
         paper's exhaustive search over rotations (Section IV), quads only.
     lines
-        Segments known to be horizontal or vertical on the wall (refine only).
+        Segments known to be horizontal or vertical on the wall (refine only). Those that were only
+        `found` are used where the outlines and the others make no pose that is "ok", and these do
+        (or where there is no pose at all).
     square
         The quads are known to be square; a strong help on small panels (refine only).
     aligned
@@ -114,20 +116,29 @@ def estimate_pose(
     flat = undistorted(outlines, camera)
     if solver == "grid":
         return _grid_pose(flat, camera, grid)
-    seen = observations(flat, camera, lines, tolerance)
     matched = None if template is None else match_template(template, outlines)
-    adjustment = adjust(
-        seen,
-        square=square,
-        aligned=aligned,
-        focal_isd=1 / camera.focal_std if camera.focal_std > 0 else -1.0,
-        template=matched,
-        common=1.0 + correlation * (len(outlines) - 1),
-    )
-    if not adjustment.solutions:
-        reason = "no rotation puts all outlines in front of the camera"
-        return _without(camera, solver, "degenerate", reason, len(outlines))
-    return _refined_pose(flat, camera, adjustment)
+
+    def solved(lines: Sequence[LineSegment]) -> PanelPose:
+        adjustment = adjust(
+            observations(flat, camera, lines, tolerance),
+            square=square,
+            aligned=aligned,
+            focal_isd=1 / camera.focal_std if camera.focal_std > 0 else -1.0,
+            template=matched,
+            common=1.0 + correlation * (len(outlines) - 1),
+        )
+        if not adjustment.solutions:
+            reason = "no rotation puts all outlines in front of the camera"
+            return _without(camera, solver, "degenerate", reason, len(outlines))
+        return _refined_pose(flat, camera, adjustment)
+
+    known = [line for line in lines if not line.found]
+    pose = solved(known)
+    if pose.status == "ok" or len(known) == len(lines):
+        return pose
+    # What nobody knows may help where nothing can be lost.
+    helped = solved(lines)
+    return helped if helped.status == "ok" or pose.status == "degenerate" else pose
 
 
 def _check_arguments(
