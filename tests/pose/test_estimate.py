@@ -254,7 +254,9 @@ def test_lines_that_were_only_found_leave_ok_poses_alone(view, grid, seed):
     assert alone.status == "ok"
     # Off by four degrees, all alike: a door that stands ajar.
     door = [
-        replace(line, ends_px=line.ends_px + [[0, 0], [0, 0.07 * np.ptp(line.ends_px[:, 0])]])
+        replace(
+            line, ends_px=np.add(line.ends_px, [[0, 0], [0, 0.07 * np.ptp(line.ends_px[:, 0])]])
+        )
         for line in lines_of(panel, seed, FRAME)
         if line.axis == "horizontal"
     ]
