@@ -130,17 +130,16 @@ def _as_large(
 ) -> list[Floats]:
     """What the mask head has drawn in patches, (n, 48, 48), as large as the network's masks there.
 
-    All buttons of a photo are resized alike, and all plates: which edge is meant is the same.
+    All buttons of a photo are resized alike: which edge is meant is the same. Plates have one edge,
+    and stay as they are drawn.
     """
-    ratios = np.array([_ratio(d, r) for d, r in zip(drawn, rough, strict=True)])
     result = list(drawn)
-    for kind in (plates, ~plates):
-        known = kind & np.isfinite(ratios)
-        if not known.any():
-            continue
-        ratio = float(np.median(ratios[known]))
-        for k in np.flatnonzero(kind):
-            result[k] = _resized(drawn[k], np.sqrt(ratio))
+    buttons = np.flatnonzero(~plates)
+    ratios = np.array([_ratio(drawn[k], rough[k]) for k in buttons])
+    if np.isfinite(ratios).any():
+        factor = np.sqrt(float(np.nanmedian(ratios)))
+        for k in buttons:
+            result[k] = _resized(drawn[k], factor)
     return result
 
 
