@@ -28,6 +28,7 @@ from fronto.files import json_bytes
 from fronto.segmentation import segment
 from fronto.segments import Segments
 from network import MEGABYTE, companions, measured, renders
+from pixels import costs_table
 from report import SKIPPED, Target, describe_machine, markdown_table, rounded, write_between
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -53,7 +54,8 @@ def evaluated(
     )
 
 
-def evaluated_renders(count: int, engine: Engine) -> SegmentationReport:
+def evaluated_renders(count: int, engine: Engine) -> tuple[SegmentationReport, str]:
+    """Their report, and what each kind of error costs."""
     shown: dict[Path, np.ndarray] = {}
 
     def labeled() -> Iterator[LabeledImage]:
@@ -63,9 +65,10 @@ def evaluated_renders(count: int, engine: Engine) -> SegmentationReport:
             shown[image.path] = photo.image
             yield image
 
-    return evaluate_segmentation(
-        labeled(), lambda image: segment(shown[image.path], engine=engine), by="mask"
-    )
+    def predict(image: LabeledImage) -> Segments:
+        return segment(shown[image.path], engine=engine)
+
+    return evaluate_segmentation(labeled(), predict, by="mask"), costs_table(labeled(), predict)
 
 
 def identity(weights: Path) -> dict[str, str]:
@@ -217,7 +220,7 @@ def write(root: Path, record: dict[str, Any], texts: dict[str, str]) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_bytes(json_bytes(rounded(record)))
     page = root / "docs" / "segmentation.md"
-    for name in ("targets", "panels", "annotated", "renders", "int8", "speed"):
+    for name in ("targets", "panels", "annotated", "renders", "pixels", "int8", "speed"):
         write_between(page, name, texts[name])
     write_between(root / "README.md", "bench:segmentation", texts["targets"])
     card = root / "src" / "fronto" / "weights" / "MODEL_CARD.md"
@@ -236,8 +239,8 @@ def main() -> None:
     weights = arguments.weights or find_weights()
     engine = Engine(weights)
     figures = measured(weights, QUICK_RUNS if most else RUNS)
-    rendered = evaluated_renders(min(most or RENDERS, RENDERS), engine)
-    texts = {"speed": speed_text(figures), "renders": outlines_text(rendered)}
+    rendered, costs = evaluated_renders(min(most or RENDERS, RENDERS), engine)
+    texts = {"speed": speed_text(figures), "renders": outlines_text(rendered), "pixels": costs}
     panels = annotated = None
     if (arguments.data / "panels").is_dir():
         images = read_panels(arguments.data / "panels", "valid")[:most]

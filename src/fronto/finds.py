@@ -68,27 +68,27 @@ def owned(boxes: FloatArray, index: int, x: FloatArray, y: FloatArray) -> npt.ND
     -------
     Shape (rows, columns).
     """
-    y = y[:, None]
+    middles, halves = (boxes[:, :2] + boxes[:, 2:]) / 2, (boxes[:, 2:] - boxes[:, :2]) / 2
 
-    def distances(box: FloatArray) -> tuple[FloatArray, FloatArray]:
-        middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
-        across, down = np.abs(x - middle[0]) / half[0], np.abs(y - middle[1]) / half[1]
-        return np.maximum(across, down), np.hypot(across, down)
+    def distances(k: int, norm: np.ufunc) -> FloatArray:
+        across, down = np.abs(x - middles[k, 0]) / halves[k, 0], np.abs(y - middles[k, 1])
+        return np.asarray(norm(across, (down / halves[k, 1])[:, None]))
 
     box = boxes[index]
-    own, own_round = distances(box)
+    own = distances(index, np.maximum)
     result = own <= REACH
     near = (
         (boxes[:, 0] < x[-1] + 1)
         & (boxes[:, 2] > x[0])
-        & (boxes[:, 1] < y[-1, 0] + 1)
-        & (boxes[:, 3] > y[0, 0])
+        & (boxes[:, 1] < y[-1] + 1)
+        & (boxes[:, 3] > y[0])
     )
     near[index] = False
     shared = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
     sides = np.minimum(boxes[:, 2:] - boxes[:, :2], box[2:] - box[:2])
     turned = (shared > TURNED * sides).all(axis=1)
-    for k in np.flatnonzero(near):
-        other, other_round = distances(boxes[k])
-        result &= own_round <= other_round if turned[k] else own <= other
+    for k in np.flatnonzero(near & ~turned).tolist():
+        result &= own <= distances(k, np.maximum)
+    for k in np.flatnonzero(near & turned).tolist():
+        result &= distances(index, np.hypot) <= distances(k, np.hypot)
     return np.asarray(result)

@@ -45,11 +45,10 @@ class Region:
 
 def region(box: npt.ArrayLike, reach: float) -> Region:
     """What the patch of a box x0, y0, x1, y1 shows: the box, made larger by `reach`."""
-    edges = np.asarray(box, np.float64).reshape(2, 2)
-    middle, half = edges.mean(axis=0), reach * np.ptp(edges, axis=0) / 2
-    size = np.maximum(np.rint(2 * half), 1).astype(int)
-    low = np.rint(middle - size / 2 + 0.5).astype(int)
-    return Region(int(low[0]), int(low[1]), int(size[0]), int(size[1]))
+    x0, y0, x1, y1 = np.asarray(box, np.float64).ravel().tolist()
+    width, height = max(round(reach * (x1 - x0)), 1), max(round(reach * (y1 - y0)), 1)
+    left, top = (x0 + x1) / 2 - width / 2 + 0.5, (y0 + y1) / 2 - height / 2 + 0.5
+    return Region(round(left), round(top), width, height)
 
 
 def photo_patch(rgb: npt.NDArray[np.uint8], r: Region, side: int) -> npt.NDArray[np.uint8]:
@@ -73,15 +72,13 @@ def photo_patch(rgb: npt.NDArray[np.uint8], r: Region, side: int) -> npt.NDArray
         )
         return np.asarray(sampled, np.uint8)
     # At least one pixel of the photo, and no more than its edge pixels of what is beyond it.
-    left, right = np.clip((x0, x1), (0, 1), (width - 1, width))
-    top, bottom = np.clip((y0, y1), (0, 1), (height - 1, height))
-    columns = np.clip(np.arange(x0, x1), left, right - 1)
-    rows = np.clip(np.arange(y0, y1), top, bottom - 1)
+    left, right = min(max(x0, 0), width - 1), min(max(x1, 1), width)
+    top, bottom = min(max(y0, 0), height - 1), min(max(y1, 1), height)
     part = rgb[top:bottom, left:right]
-    if len(columns) != right - left:
-        part = part[:, columns - left]
-    if len(rows) != bottom - top:
-        part = part[rows - top]
+    if r.width != right - left:
+        part = part[:, np.clip(np.arange(x0, x1), left, right - 1) - left]
+    if r.height != bottom - top:
+        part = part[np.clip(np.arange(y0, y1), top, bottom - 1) - top]
     shrinks = r.width > side and r.height > side
     way = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(part, (side, side), interpolation=way), np.uint8)

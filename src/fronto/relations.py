@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fronto.grouping import Instance, group, overlaps
+from fronto.grouping import Instance, all_overlaps, group
 from fronto.native import address, library
 from fronto.shapes import FloatArray
 
@@ -206,6 +206,6 @@ def pairs(boxes: FloatArray) -> Floats:
         *np.moveaxis(np.exp(-STEEP * np.abs(offset)), -1, 0),
         *np.moveaxis(ratio, -1, 0),
         np.exp(-STEEP * np.abs(ratio).sum(axis=-1)),
-        np.stack([overlaps(box, boxes) for box in boxes]),
+        all_overlaps(boxes),
     ]
     return np.stack(numbers, axis=-1).astype(np.float32)

@@ -101,6 +101,14 @@ class Ellipse:
         axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         return np.asarray((axes * [self.a**2, self.b**2]) @ axes.T)
 
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Bounding box x0, y0, x1, y1."""
+        angle = math.radians(self.angle_deg)
+        c, s = math.cos(angle), math.sin(angle)
+        across, down = math.hypot(self.a * c, self.b * s), math.hypot(self.a * s, self.b * c)
+        return self.cx - across, self.cy - down, self.cx + across, self.cy + down
+
     @classmethod
     def from_shape_matrix(cls, center: npt.ArrayLike, shape_matrix: npt.ArrayLike) -> Ellipse:
         """Build the ellipse from its centre (2,) and S (2, 2).
@@ -287,12 +295,10 @@ class Outline:
     def box_px(self) -> tuple[float, float, float, float]:
         """The outline's bounding box x0, y0, x1, y1."""
         if self.ellipse_px is not None:
-            half = np.sqrt(np.diag(self.ellipse_px.shape_matrix))
-            low, high = self.ellipse_px.center - half, self.ellipse_px.center + half
-        else:
-            assert self.corners_px is not None
-            low, high = self.corners_px.min(axis=0), self.corners_px.max(axis=0)
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+            return self.ellipse_px.box
+        assert self.corners_px is not None
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = self.corners_px.tolist()
+        return min(ax, bx, cx, dx), min(ay, by, cy, dy), max(ax, bx, cx, dx), max(ay, by, cy, dy)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,19 +68,11 @@ def at_odds(outlines: Sequence[Outline]) -> list[int]:
     return [k for k, off in zip(quads, apart[reference], strict=True) if off > APART_RAD]
 
 
-def _box(outline: Outline) -> tuple[float, float, float, float]:
-    """`Outline.box_px`, faster for quads: four points are too few for NumPy."""
-    if outline.corners_px is None:
-        return outline.box_px
-    x, y = zip(*outline.corners_px.tolist(), strict=True)
-    return min(x), min(y), max(x), max(y)
-
-
 def doubles(outlines: Sequence[Outline]) -> list[int]:
     """Indices of outlines that are of a button which a surer one is of, too."""
     if len(outlines) < 2:
         return []
-    x0, y0, x1, y1 = np.array([_box(o) for o in outlines]).T
+    x0, y0, x1, y1 = np.array([o.box_px for o in outlines]).T
     x, y, size = (x0 + x1) / 2, (y0 + y1) / 2, np.sqrt((x1 - x0) * (y1 - y0))
     apart = np.maximum(np.abs(x[:, None] - x), np.abs(y[:, None] - y))
     same = apart < SAME * np.minimum(size[:, None], size)

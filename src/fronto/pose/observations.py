@@ -116,13 +116,14 @@ def observations(
 
     ellipses = np.flatnonzero(kind == ELLIPSE)
     if len(ellipses):
-        shapes, centers = [], []
-        for i in ellipses:
-            ellipse = outlines[int(i)].ellipse_px
-            assert ellipse is not None
-            shapes.append(affine @ ellipse.shape_matrix @ affine.T)
-            centers.append(affine @ ellipse.center + shift)
-        observed[ellipses] = _tangents(np.array(centers), np.array(shapes))
+        seen_as = [outlines[i].ellipse_px for i in ellipses.tolist()]
+        numbers = [(e.cx, e.cy, e.a, e.b, e.angle_deg) for e in seen_as if e is not None]
+        cx, cy, a, b, angle = np.array(numbers).T
+        cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        axes = np.stack([np.stack([a * cos, -b * sin]), np.stack([a * sin, b * cos])])
+        half = affine @ axes.transpose(2, 0, 1)
+        centers = np.stack([cx, cy], axis=1) @ affine.T + shift
+        observed[ellipses] = _tangents(centers, half @ half.transpose(0, 2, 1))
         # Eight tangents of σ' each fix the centre to σ'√(2/8): whitened so that the
         # centre comes out with the outline's deviation.
         inverse_sd[ellipses] = (focal / (std[ellipses] * np.sqrt(TANGENTS / 2)))[:, None]
