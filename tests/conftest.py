@@ -67,12 +67,15 @@ def project(points, rotation, translation, matrix):
     return rays[..., :2] / rays[..., 2:]
 
 
-def circle_image(x, y, radius, rotation, translation, matrix):
-    """The ellipse of a circle, from its point conic H⁻ᵀ C H⁻¹ (the package uses the dual)."""
+def circle_image(x, y, radius, rotation, translation, matrix, high=None):
+    """The ellipse of a circle, or of an oval half as `high` and `radius` wide.
+
+    From its point conic H⁻ᵀ C H⁻¹ (the package uses the dual).
+    """
     base = rotation.T @ np.array([[1, 0, x], [0, 1, y], [0, 0, 0.0]])
     H = np.asarray(matrix) @ (base + np.outer(rotation.T @ translation, [0, 0, 1]))
     inverse = np.linalg.inv(H)
-    conic = inverse.T @ np.diag([1, 1, -(radius**2)]) @ inverse
+    conic = inverse.T @ np.diag([1, (radius / (high or radius)) ** 2, -(radius**2)]) @ inverse
     center = -np.linalg.solve(conic[:2, :2], conic[:2, 2])
     level = -(conic[2, 2] + conic[2, :2] @ center)
     (low, high), vectors = np.linalg.eigh(conic[:2, :2] / level)
@@ -100,7 +103,8 @@ def view_of(
             corners = project(np.add(half, [b.x, b.y]), rotation, translation, camera.matrix)
             outlines.append(Outline.quad(corners, std_px=std_px, text=b.text))
         else:
-            ellipse = circle_image(b.x, b.y, b.width / 2, rotation, translation, camera.matrix)
+            half = (b.width / 2, b.height / 2)
+            ellipse = circle_image(b.x, b.y, half[0], rotation, translation, camera.matrix, half[1])
             outlines.append(Outline("ellipse", ellipse_px=ellipse, std_px=std_px, text=b.text))
     return View(tuple(buttons), camera, rotation, translation, tuple(outlines))
 

@@ -77,6 +77,7 @@ def problem_of(
     tilt=0.0,
     noise=None,
     gain=1.0,
+    oval=None,
 ):
     """MIXED seen by a camera whose true focal length is `focal_scale` times the assumed one."""
     camera = PAPER_CAMERA
@@ -84,7 +85,9 @@ def problem_of(
     shift = true.matrix.copy()
     shift[:2, 2] = camera.matrix[:2, 2]
     true = Camera.from_matrix(shift, 640, 480)
-    panel = view(MIXED, angles, at_px=(370, 210), camera=true, std_px=0.3)
+    high = oval or 0.03
+    buttons = [replace(b, height=high) if b.shape == "ellipse" else b for b in MIXED]
+    panel = view(buttons, angles, at_px=(370, 210), camera=true, std_px=0.3)
     segments = []
     if lines:
         for axis, ends in [
@@ -117,6 +120,7 @@ def problem_of(
     model = Model(
         group=np.array([0, 0, 1, 1, 0], np.intc),
         square_isd=np.array([100.0 if square else 0.0, 0.0]),
+        oval=np.array([0, oval is not None], np.intc),
         tie_index=tie_index.astype(np.intc),
         tie_coef=tie_coef,
         tie_isd=tie_isd,
@@ -130,6 +134,7 @@ def problem_of(
     parameters = np.zeros(model.size)
     parameters[FOCAL] = np.log(focal_scale)
     parameters[FIRST_GROUP : FIRST_GROUP + 2 * groups] = np.log(0.03 / depth)
+    parameters[FIRST_GROUP + 3] = np.log(high / depth)
     parameters[FIRST_GROUP + 2 * groups :] = positions
     xy = np.array([[b.x, b.y] for b in MIXED]) - origin
     return Problem(seen, model, panel.rotation, parameters, xy / depth)
@@ -144,6 +149,8 @@ CASES = {
     "focal length": {"focal_scale": 1.2, "focal_isd": 3.0},
     "template": {"template": True},
     "form": {"gain": 4.0},
+    "ovals": {"oval": 0.022},
+    "everything of ovals": {"oval": 0.041, "gain": 3.0, "lines": True, "ties": True},
     "everything": {
         "gain": 2.5,
         "angles": (0.0, 0.0, -5.0),
@@ -162,7 +169,8 @@ def free(problem):
     m = problem.model.size
     size = m + problem.xy.size
     # log height of the circles means nothing, and a known focal length stays.
-    fixed = {FIRST_GROUP + 3} | ({FOCAL} if problem.model.focal_isd < 0 else set())
+    fixed = set() if problem.model.oval[1] else {FIRST_GROUP + 3}
+    fixed |= {FOCAL} if problem.model.focal_isd < 0 else set()
     return np.array([k for k in range(size) if k not in fixed])
 
 

@@ -178,3 +178,48 @@ def test_quads_tell_the_roll_of_circles(view, grid):
     pose = estimate_pose(panel.outlines, panel.camera)
     assert panel.error_deg(pose) < 3.0
     assert not any("rows and columns" in reason for reason in pose.reasons)
+
+
+# --- ovals
+
+
+@pytest.mark.parametrize("height_m", [0.022, 0.026, 0.036])
+@pytest.mark.parametrize("seed", range(4))
+def test_ovals_are_told_from_tilted_circles(view, grid, height_m, seed):
+    angles = np.random.default_rng(seed).uniform(-30, 30, 3) * [1, 1, 0.3]
+    buttons = grid(3, 5, height_m=height_m, shape="ellipse")
+    panel = view(buttons, angles).noisy(seed, 0.3)
+    pose = estimate_pose(panel.outlines, panel.camera)
+    # As circles they would be tilted by the arc cosine of their form: 43, 30 and 34 degrees.
+    assert panel.error_deg(pose) < 4
+    assert panel.error_deg(pose) < 3 * max(pose.std_deg)
+    assert any("oval" in note for note in pose.notes)
+    width, height = np.ptp(pose.plane_corners, axis=1).T
+    np.testing.assert_allclose(height / width, height_m / 0.03, rtol=0.05)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_circles_are_no_ovals(view, grid, seed):
+    angles = np.random.default_rng(seed).uniform(-30, 30, 3) * [1, 1, 0.3]
+    panel = view(grid(3, 5, shape="ellipse"), angles).noisy(seed, 0.5)
+    pose = estimate_pose(panel.outlines, panel.camera)
+    assert not any("oval" in note for note in pose.notes)
+    np.testing.assert_allclose(*np.ptp(pose.plane_corners, axis=1).T)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_ovals_are_no_ok_pose(view, grid, seed):
+    # Nothing but their form would tell the tilt, and that is not known.
+    angles = np.random.default_rng(seed).uniform(-20, 20, 3) * [1, 1, 0.3]
+    panel = view(grid(1, 2, height_m=0.02, shape="ellipse"), angles).noisy(seed, 0.3)
+    pose = estimate_pose(panel.outlines, panel.camera)
+    assert pose.status != "ok" or panel.error_deg(pose) < 5
+
+
+def test_keyholes_are_round(view, grid):
+    buttons = grid(3, 4, height_m=0.022, shape="ellipse")
+    panel = view(buttons, (20, 10, 0)).noisy(1, 0.2)
+    keyholes = [replace(o, category="keyhole") for o in panel.outlines]
+    pose = estimate_pose(keyholes, panel.camera)
+    assert not any("oval" in note for note in pose.notes)
+    np.testing.assert_allclose(*np.ptp(pose.plane_corners, axis=1).T)

@@ -8,7 +8,8 @@
  * so curved that the optimiser needs ten times as many steps.
  *
  * Global parameters, in this order: w (3, R <- R exp([w]x)), log_focal, then per size
- * group log width and log height (of circles: log diameter, unused), then the latent
+ * group log width and log height (of circles: log diameter, unused; of ovals, ellipses whose
+ * axes are the panel's, both), then the latent
  * positions that ties refer to (columns, rows, template offset and scale).
  * Local parameters: (x, y) of each button; they are eliminated (Schur complement).
  */
@@ -32,6 +33,7 @@ typedef struct {
     const double *gain;       /* (buttons)    how many times surer its form is than its place
                                               and size; 1: no surer                          */
     const int *group;         /* (buttons)    size group                                     */
+    const int *oval;          /* (groups)     1: its ellipses are ovals, 0: circles          */
     const int *tie_index;     /* (buttons,4)  latents of x (2) and of y (2), -1 = none       */
     const double *tie_coef;   /* (buttons,4)  x = sum coef * latent                          */
     const double *tie_isd;    /* (buttons,2)  inverse standard deviation of those two ties   */

@@ -124,36 +124,38 @@ static void ellipse_ways(const double *seen, double ways[4][8]) {
 
 /* Eight residuals of an ellipse: along each of eight normals n, the distance between the
  * tangent of the projected circle and the observed one. A line l is tangent to a conic iff
- * l' Q* l = 0 with the dual conic Q* = rho^2 (r1 r1' + r2 r2') - d d'. */
-static int ellipse_rows(const Problem *p, int i, const double *R, double s, double diameter,
-                        const double *xy, double *r, double (*J)[COLUMNS]) {
+ * l' Q* l = 0 with the dual conic Q* = rho^2 (r1 r1' + r2 r2') - d d'; an oval's half axes are
+ * two numbers instead of the one, rho. */
+static int ellipse_rows(const Problem *p, int i, const double *R, double s, double width,
+                        double height, const double *xy, double *r, double (*J)[COLUMNS]) {
     const double *seen = p->observed + (size_t)i * OBSERVATION;
-    const double rho2 = 0.25 * diameter * diameter;
+    const int oval = p->oval[p->group[i]];
+    const double wide2 = 0.25 * width * width, high2 = oval ? 0.25 * height * height : wide2;
     double v[3][3], e[3]; /* d, r1, r2 */
     place(p, R, s, xy[0], xy[1], e, v[0]);
     memcpy(v[1], R, 3 * sizeof(double));
     memcpy(v[2], R + 3, 3 * sizeof(double));
-    const double A = rho2 * (v[1][2] * v[1][2] + v[2][2] * v[2][2]) - v[0][2] * v[0][2];
+    const double A = wide2 * v[1][2] * v[1][2] + high2 * v[2][2] * v[2][2] - v[0][2] * v[0][2];
     if (!(v[0][2] > 1e-6) || !(A < -1e-12)) return -1;
     for (int t = 0; t < TANGENTS; t++) {
         const double nx = s * seen[3 * t], ny = s * seen[3 * t + 1], h_seen = seen[3 * t + 2];
         const double weight = p->inverse_sd[(size_t)i * TANGENTS + t];
         double f[3];
         for (int k = 0; k < 3; k++) f[k] = nx * v[k][0] + ny * v[k][1];
-        const double B = rho2 * (f[1] * v[1][2] + f[2] * v[2][2]) - f[0] * v[0][2];
-        const double C = rho2 * (f[1] * f[1] + f[2] * f[2]) - f[0] * f[0];
+        const double B = wide2 * f[1] * v[1][2] + high2 * f[2] * v[2][2] - f[0] * v[0][2];
+        const double C = wide2 * f[1] * f[1] + high2 * f[2] * f[2] - f[0] * f[0];
         const double discriminant = B * B - A * C;
         if (!(discriminant > 0)) return -1;
         const double root = sqrt(discriminant), h = (B - root) / A;
         r[t] = weight * (h - h_seen);
         if (!J) continue;
-        /* F(h, parameters) = rho^2 (t1^2 + t2^2) - t0^2 = 0 with t_k = l . v_k;
+        /* F(h, parameters) = wide^2 t1^2 + high^2 t2^2 - t0^2 = 0 with t_k = l . v_k;
            dh = -dF / (2 (A h - B)) and A h - B = -root */
         const double k = weight / (2.0 * root);
         double l[3] = {nx, ny, -h}, tk[3], scale[3];
         for (int q = 0; q < 3; q++) tk[q] = f[q] - h * v[q][2];
-        scale[0] = -2.0 * tk[0] * k, scale[1] = 2.0 * rho2 * tk[1] * k;
-        scale[2] = 2.0 * rho2 * tk[2] * k;
+        scale[0] = -2.0 * tk[0] * k, scale[1] = 2.0 * wide2 * tk[1] * k;
+        scale[2] = 2.0 * high2 * tk[2] * k;
         memset(J[t], 0, sizeof J[t]);
         for (int q = 0; q < 3; q++) {
             /* l . (turns x w) = (l x turns) . w; of d only what is not the pivot turns */
@@ -164,7 +166,8 @@ static int ellipse_rows(const Problem *p, int i, const double *R, double s, doub
             J[t][FOCAL] += scale[q] * f[q];
         }
         J[t][FOCAL] -= scale[0] * (nx * p->pivot[0] + ny * p->pivot[1]) / s;
-        J[t][WIDTH] = 2.0 * rho2 * k * (tk[1] * tk[1] + tk[2] * tk[2]);
+        J[t][WIDTH] = scale[1] * tk[1] + (oval ? 0.0 : scale[2] * tk[2]);
+        J[t][HEIGHT] = oval ? scale[2] * tk[2] : 0.0;
         J[t][X] = scale[0] * tk[1];
         J[t][Y] = scale[0] * tk[2];
     }
@@ -288,12 +291,12 @@ double bundle_evaluate(const Problem *p, const double *R, const double *globals,
     }
     for (int i = 0; i < p->buttons; i++) {
         const int at = GLOBALS_BEFORE_GROUPS + 2 * p->group[i];
-        const double width = exp(globals[at]);
+        const double width = exp(globals[at]), height = exp(globals[at + 1]);
         double r[8], J[8][COLUMNS];
         const int rows =
             p->kind[i] == QUAD
-                ? quad_rows(p, i, R, s, width, exp(globals[at + 1]), xy + 2 * i, r, normal ? J : 0)
-                : ellipse_rows(p, i, R, s, width, xy + 2 * i, r, normal ? J : 0);
+                ? quad_rows(p, i, R, s, width, height, xy + 2 * i, r, normal ? J : 0)
+                : ellipse_rows(p, i, R, s, width, height, xy + 2 * i, r, normal ? J : 0);
         if (rows < 0) return INFINITY;
         if (p->gain[i] != 1.0) {
             double ways[4][8];

@@ -94,6 +94,8 @@ class Model:
         (n,): size group of each button; a group holds quads or circles, not both.
     square_isd
         (g,): 1/σ of log(width/height) of each group, 0 where unknown.
+    oval
+        (g,): 1 where a group's ellipses are ovals, whose axes are the panel's, 0 where circles.
     tie_index, tie_coef
         (n, 4): x is tied to the sum of two latents times their coefficients, y likewise;
         index -1 = none.
@@ -118,6 +120,7 @@ class Model:
 
     group: IntArray
     square_isd: FloatArray
+    oval: IntArray
     tie_index: IntArray
     tie_coef: FloatArray
     tie_isd: FloatArray
@@ -196,6 +199,7 @@ class _Problem(ctypes.Structure):
                 "inverse_sd",
                 "gain",
                 "group",
+                "oval",
                 "tie_index",
                 "tie_coef",
                 "tie_isd",
@@ -256,6 +260,7 @@ def _pack(seen: Observations, model: Model, iterations: int, tolerance: float) -
         inverse_sd,
         gain,
         address(model.group, i),
+        address(model.oval, i),
         address(model.tie_index, i),
         address(model.tie_coef, d),
         address(model.tie_isd, d),

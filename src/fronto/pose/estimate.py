@@ -263,7 +263,8 @@ def _pose(
     sizes = np.exp(solution.parameters[FIRST_GROUP : FIRST_GROUP + 2 * groups]).reshape(-1, 2)
     sizes = sizes[model.group]
     quads = seen.kind == QUAD
-    sizes[~quads, 1] = sizes[~quads, 0]
+    circles = ~quads & (model.oval[model.group] == 0)
+    sizes[circles, 1] = sizes[circles, 0]
     focal_scale = float(np.exp(solution.parameters[FOCAL]))
     offset, distance = depth_one(seen, solution.rotation, focal_scale)
     corners = (solution.xy[:, None] + sizes[:, None] * _SIGNS + offset) / distance
@@ -283,6 +284,8 @@ def _pose(
                 f"focal length not observable from this panel, assumed {focal_px:.0f} px"
                 + (f": the aspect may be off by {100 * aspect:.0f} %" if aspect else "")
             )
+    if model.oval.any():
+        notes.append("round buttons were taken for ovals: as circles they make no flat panel")
     if len(seen.axis):
         aside = int((line_weights(found, solution) < SET_ASIDE).sum())
         if aside:

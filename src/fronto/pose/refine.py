@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from fronto.pose.bundle import (
     FIRST_GROUP,
@@ -62,6 +63,9 @@ TIED = 9.0
 FEWER: tuple[tuple[int, ...], ...] = ((0,), (1,), ())
 #: What one more size group has to gain, in χ².
 GROUP_GAIN = 10.0
+#: What it has to gain that round buttons are ovals, in χ²: few panels have such. Where fewer of
+#: them are seen, nothing tells.
+OVAL_GAIN, OVALS = 20.0, 2
 #: Deviations of χ² above its expectation that show a contradiction.
 CONTRADICTION = 3.5
 #: How upright cameras are held: deviation of the roll, where only circles are seen.
@@ -218,7 +222,17 @@ def _with_structure(
         for axes in FEWER if _ties(model) else ():
             other = _settled(seen, model.group.astype(np.intp), found, shared, axes, model)
             best = min(best, other, key=lambda item: item[0])
+        if np.count_nonzero(_maybe_oval(seen)) >= OVALS:
+            group = best[1].group.astype(np.intp)
+            other = _settled(seen, group, best[2], shared, oval=True)
+            best = min(best, other, key=lambda item: item[0])
     return best
+
+
+def _maybe_oval(seen: Observations) -> npt.NDArray[np.bool_]:
+    """Which buttons (n,) may be ovals: keyholes are round."""
+    ellipses: npt.NDArray[np.bool_] = seen.kind != QUAD
+    return ellipses & ~seen.keyhole if len(seen.keyhole) else ellipses
 
 
 def _settled(
@@ -228,14 +242,20 @@ def _settled(
     shared: _Shared,
     axes: Sequence[int] = (0, 1),
     instead: Model | None = None,
+    *,
+    oval: bool = False,
 ) -> _Scored:
     """Find rows and columns again until they stay, with the buttons' sizes in these groups.
 
-    With `axes` only those are tied, `instead` of what another model ties.
+    With `axes` only those are tied, `instead` of what another model ties. `oval`: ellipses are
+    taken for ovals.
     """
     base = base_model(seen, group, shared.square, shared.focal_isd)
     base = replace(base, line_c2=shared.line_c2)
     penalty = GROUP_GAIN * (len(base.square_isd) - 1)
+    if oval:
+        base.oval[group[_maybe_oval(seen)]] = 1
+        penalty += OVAL_GAIN
     best: _Scored = (np.inf, base, found)
     starts, tried = found, []
     for _ in range(3):
@@ -333,8 +353,8 @@ def freedom(seen: Observations) -> FloatArray:
 def excess(seen: Observations, model: Model, cost: float) -> float:
     """How many deviations of χ² a cost is above its expectation."""
     # Besides the rotation each group of quads has two sizes, of circles one.
-    round_groups = len(set(model.group[seen.kind != QUAD].tolist()))
-    shared = 3 + 2 * len(model.square_isd) - round_groups
+    round_groups = set(model.group[seen.kind != QUAD].tolist())
+    shared = 3 + 2 * len(model.square_isd) - sum(not model.oval[g] for g in round_groups)
     expected = max(float(freedom(seen).sum()) - shared, 1.0)
     return float((cost - expected) / np.sqrt(2 * expected))
 

@@ -59,6 +59,7 @@ def base_model(seen: Observations, group: GroupArray, square: bool, focal_isd: f
     return Model(
         group=group.astype(np.intc),
         square_isd=square_isd,
+        oval=np.zeros(groups, dtype=np.intc),
         tie_index=np.full((n, 4), -1, dtype=np.intc),
         tie_coef=np.zeros((n, 4)),
         tie_isd=np.zeros((n, 2)),
