@@ -285,7 +285,10 @@ def _pose(
                 + (f": the aspect may be off by {100 * aspect:.0f} %" if aspect else "")
             )
     if model.oval.any():
-        notes.append("round buttons were taken for ovals: as circles they make no flat panel")
+        notes.append(
+            "round buttons were taken for ovals, since they make no flat panel as circles: they "
+            "are oval, or the photo has been stretched"
+        )
     if len(seen.axis):
         aside = int((line_weights(found, solution) < SET_ASIDE).sum())
         if aside:
