@@ -171,12 +171,12 @@ HEADINGS = {
 def arms_table(arms: dict[str, Any]) -> str:
     first = next(iter(arms.values()))
     rows = [
-        {"training": ARMS[key].name, "steps": str(arm["steps"])}
+        {"training": ARMS[arm["arm"]].name, "steps": str(arm["steps"])}
         | {
             heading: "–" if arm["figures"][name] is None else f"{arm['figures'][name]:.3f}"
             for name, heading in HEADINGS.items()
         }
-        for key, arm in arms.items()
+        for arm in sorted(arms.values(), key=lambda arm: -arm["steps"])
     ]
     return (
         f"{first['photos']} photos of panels/valid and {first['annotated']} annotated ones; "
@@ -257,9 +257,22 @@ def run_arms(arguments: argparse.Namespace) -> dict[str, Any]:
     }
     finished = {key: folder / key / "figures.json" for key in ARMS}
     return {
-        key: about | {"figures": json.loads(path.read_text(encoding="utf-8"))}
+        f"{key}-{setting}": {"arm": key, **about}
+        | {"figures": json.loads(path.read_text(encoding="utf-8"))}
         for key, path in finished.items()
         if path.is_file()
+    }
+
+
+def measured_before(arms: dict[str, Any]) -> dict[str, Any]:
+    """Runs of other lengths, of pictures and photos like these."""
+    alike = ("batch", "size", "photos", "annotated")
+    first = next(iter(arms.values()))
+    content = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.is_file() else {}
+    return {
+        key: arm
+        for key, arm in content.get("arms", {}).items()
+        if arm["steps"] != first["steps"] and all(arm[name] == first[name] for name in alike)
     }
 
 
@@ -288,6 +301,7 @@ def main() -> None:
         if not (arguments.data / "panels").is_dir():
             raise SystemExit(f"{arguments.data}: expected the folder panels, there is none")
         key, values = "arms", run_arms(arguments)
+        values |= measured_before(values)
         text = arms_table(values)
     print(text)
     if not arguments.dry:
