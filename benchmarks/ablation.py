@@ -1,6 +1,7 @@
 """What the parts of the training are worth: short runs of equal length, side by side.
 
     python benchmarks/ablation.py                  four runs (about five minutes each on two cores)
+    python benchmarks/ablation.py --steps 2400     longer ones; those of other lengths stay listed
     python benchmarks/ablation.py --arms refined   the same after self-training
     python benchmarks/ablation.py --variants       speed of networks of other widths, untrained
 

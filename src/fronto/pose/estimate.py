@@ -68,8 +68,8 @@ def estimate_pose(
         paper's exhaustive search over rotations (Section IV), quads only.
     lines
         Segments known to be horizontal or vertical on the wall (refine only). Those that were only
-        `found` are used where the outlines and the others make no pose that is "ok", and these do
-        (or where there is no pose at all).
+        `found` are used where outlines and known segments make no pose that is "ok" and all
+        together do, or where they make none at all.
     square
         The quads are known to be square; a strong help on small panels (refine only).
     aligned
